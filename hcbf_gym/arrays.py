@@ -43,7 +43,7 @@ def record_type(name: str, **behind: int) -> np.dtype[np.void]:
         formats.append(("f8", (count,)))
         offsets.append(end)
         end += 8 * count
-    whole = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
+    whole: Any = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
     return np.dtype((np.record, np.dtype(whole)))
 
 

@@ -1,5 +1,4 @@
 // Class-K functions, shapes, and the rows of barriers.
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -7,50 +6,36 @@
 #include <hcbf/general_rows.hpp>
 #include <hcbf/rows.hpp>
 #include <hcbf/shape_terms.hpp>
-#include <optional>
-
-#include "records.hpp"
+#include "structs.hpp"
 
 namespace hcbf {
 namespace {
 
-using Line = Numbers<const double, 1>;
-using Table = Numbers<const double, 2>;
-using Stack = Numbers<const double, 3>;
-using Kinds = Numbers<const Index, 2>;
-using Written = Numbers<double, 1>;
-using WrittenTable = Numbers<double, 2>;
-using WrittenStack = Numbers<double, 3>;
-using Atlas = std::optional<Line>;  // None where there is no map
+using Line = Vector<const double>;
+using Table = Matrix<const double>;
+using Stack = Cube<const double>;
+using Kinds = Matrix<const Index>;
+using Written = Vector<double>;
+using WrittenTable = Matrix<double>;
+using WrittenStack = Cube<double>;
+using Atlas = Vector<const double>;  // without numbers where there is no map
 using Pair = std::pair<double, double>;
 using Two = std::array<double, 2>;
 
-const class_k::ClassK& alpha(const double* numbers) {
-  return *reinterpret_cast<const class_k::ClassK*>(numbers);
-}
-const RowSettings& settings_of(const Line& numbers) {
-  return *reinterpret_cast<const RowSettings*>(numbers.data());
-}
-Vector<const double> view_of(const Atlas& atlas) {
-  return atlas ? view(*atlas) : Vector<const double>{nullptr, 0};
-}
 Two array(const Pair& pair) { return {pair.first, pair.second}; }
 
 void bind_class_k(nb::module_& m) {
-  m.def(
-      "class_k_value", [](const Line& c, double h) { return class_k::value(alpha(c.data()), h); }, "c"_a,
+  m.def("class_k_value", &class_k::value<double>, "c"_a,
       "h"_a, "Return α(h) of the function with the numbers c (4,).");
   m.def(
       "class_k_values",
-      [](const Line& c, const Line& h, const Written& out) {
-        for (Index k = 0; k < view(h).size; ++k) view(out)[k] = class_k::value(alpha(c.data()), view(h)[k]);
+      [](const class_k::ClassK& c, const Line& h, const Written& out) {
+        for (Index k = 0; k < h.size; ++k) out[k] = class_k::value(c, h[k]);
       },
-      "c"_a, "h"_a, "out"_a.noconvert(), "Write α(h) (m,) of h (m,).");
-  m.def(
-      "class_k_slope", [](const Line& c, double h) { return class_k::slope(alpha(c.data()), h); }, "c"_a,
+      "c"_a, "h"_a, "out"_a, "Write α(h) (m,) of h (m,).");
+  m.def("class_k_slope", &class_k::slope<double>, "c"_a,
       "h"_a, "Return dα/dh.");
-  m.def(
-      "class_k_inverse", [](const Line& c, double y) { return class_k::inverse(alpha(c.data()), y); }, "c"_a,
+  m.def("class_k_inverse", &class_k::inverse, "c"_a,
       "y"_a, "Return the h of which α(h) = y.");
 }
 
@@ -58,44 +43,44 @@ void bind_shapes(nb::module_& m) {
   m.def(
       "half_plane_write",
       [](const Written& c, Pair normal, double offset) {
-        return half_plane::write(c.data(), array(normal).data(), offset);
+        return half_plane::write(c.data, array(normal).data(), offset);
       },
-      "c"_a.noconvert(), "normal"_a, "offset"_a,
+      "c"_a, "normal"_a, "offset"_a,
       "Write a half-plane into the block c (WIDTH,) and return its kind.");
   m.def(
       "disc_write",
       [](const Written& c, Pair velocity, Pair center, double radius) {
-        return disc::write(c.data(), array(velocity).data(), array(center).data(), radius);
+        return disc::write(c.data, array(velocity).data(), array(center).data(), radius);
       },
-      "c"_a.noconvert(), "velocity"_a, "center"_a, "radius"_a,
+      "c"_a, "velocity"_a, "center"_a, "radius"_a,
       "Write a disc into the block c (WIDTH,) and return its kind.");
   m.def(
       "ellipse_write",
       [](const Written& c, Pair velocity, Pair center, Pair semi_axes, double angle) {
-        return ellipse::write(c.data(), array(velocity).data(), array(center).data(), array(semi_axes).data(),
+        return ellipse::write(c.data, array(velocity).data(), array(center).data(), array(semi_axes).data(),
                               angle);
       },
-      "c"_a.noconvert(), "velocity"_a, "center"_a, "semi_axes"_a, "angle"_a,
+      "c"_a, "velocity"_a, "center"_a, "semi_axes"_a, "angle"_a,
       "Write an ellipse into the block c (WIDTH,) and return its kind.");
   m.def(
       "convex_polygon_write",
       [](const Written& c, Pair velocity, const Table& vertices) {
-        return convex_polygon::write(c.data(), array(velocity).data(), view(vertices));
+        return convex_polygon::write(c.data, array(velocity).data(), vertices);
       },
-      "c"_a.noconvert(), "velocity"_a, "vertices"_a,
+      "c"_a, "velocity"_a, "vertices"_a,
       "Write a polygon with the corners (k, 2) into the block c (WIDTH,) and return its kind.");
   m.def(
       "capsule_write",
       [](const Written& c, Pair velocity, Pair start, Pair end, double radius) {
-        return capsule::write(c.data(), array(velocity).data(), array(start).data(), array(end).data(),
+        return capsule::write(c.data, array(velocity).data(), array(start).data(), array(end).data(),
                               radius);
       },
-      "c"_a.noconvert(), "velocity"_a, "start"_a, "end"_a, "radius"_a,
+      "c"_a, "velocity"_a, "start"_a, "end"_a, "radius"_a,
       "Write a capsule into the block c (WIDTH,) and return its kind.");
   m.def(
       "shape_jet",
       [](Index kind, const Line& c, double x, double y) {
-        const PlanarJet at = shapes::jet(kind, c.data(), x, y);
+        const PlanarJet at = shapes::jet(kind, c.data, x, y);
         return std::tuple(at.h, at.gx, at.gy, at.distance, at.tx, at.ty);
       },
       "kind"_a, "c"_a, "x"_a, "y"_a,
@@ -103,7 +88,7 @@ void bind_shapes(nb::module_& m) {
   m.def(
       "shape_core",
       [](Index kind, const Line& c, double x, double y, double h, double distance, double reach) {
-        const Core core = shapes::core(kind, c.data(), x, y, h, distance, reach);
+        const Core core = shapes::core(kind, c.data, x, y, h, distance, reach);
         return std::tuple(core.distance, core.radius, core.is_point);
       },
       "kind"_a, "c"_a, "x"_a, "y"_a, "h"_a, "distance"_a, "reach"_a,
@@ -111,7 +96,7 @@ void bind_shapes(nb::module_& m) {
   m.def(
       "shape_bounds",
       [](Index kind, const Line& c) {
-        const Bounds box = shapes::bounds(kind, c.data());
+        const Bounds box = shapes::bounds(kind, c.data);
         return std::tuple(box.low_x, box.low_y, box.high_x, box.high_y);
       },
       "kind"_a, "c"_a, "Return least x and y and greatest x and y of a region at time 0.");
@@ -121,86 +106,48 @@ void bind_values(nb::module_& m) {
   m.def("zone_value", &zone::value<double>, "limit"_a, "away"_a, "vx"_a, "vy"_a,
         "Return h of a speed zone at a distance from it and a velocity.");
   m.def("speed_limit_value", &speed_limit::value<double>, "v_max"_a, "vx"_a, "vy"_a, "Return h of a speed limit.");
-  m.def(
-      "barrier_values",
-      [](const Kinds& kind, const Stack& parameters, const Atlas& atlas, const Table& x, const Line& t,
-         const WrittenTable& h) {
-        shape_terms::values(view(kind), view(parameters), view_of(atlas), view(x), view(t), view(h));
-      },
-      "kind"_a, "parameters"_a, "atlas"_a.none(), "x"_a, "t"_a, "h"_a.noconvert(), Unlocked(),
+  m.def("barrier_values", &shape_terms::values, "kind"_a, "parameters"_a, "atlas"_a.none(), "x"_a, "t"_a, "h"_a, Unlocked(),
       "Write h (N, m) of N states, in N scenes or all in one.");
-  m.def(
-      "barrier_sense",
-      [](const Kinds& kind, const Stack& parameters, const Atlas& atlas, const Table& x, const Line& t,
-         const WrittenTable& h, const WrittenStack& sensed) {
-        shape_terms::sense(view(kind), view(parameters), view_of(atlas), view(x), view(t), view(h),
-                           view(sensed));
-      },
-      "kind"_a, "parameters"_a, "atlas"_a.none(), "x"_a, "t"_a, "h"_a.noconvert(), "sensed"_a.noconvert(),
+  m.def("barrier_sense", &shape_terms::sense, "kind"_a, "parameters"_a, "atlas"_a.none(), "x"_a, "t"_a, "h"_a, "sensed"_a,
       Unlocked(), "Write h (N, m) and what a policy sees of each barrier, (N, m, 4): h, unit ∇h, ∂h/∂t.");
 }
 
 void bind_rows(nb::module_& m) {
-  m.def(
-      "planar_rows",
-      [](const Kinds& kind, const Stack& parameters, const Stack& margin, const Table& x, const Line& t,
-         const Line& settings, const WrittenStack& a, const WrittenStack& out) {
-        rows::rows(view(kind), view(parameters), view(margin), view(x), view(t), settings_of(settings),
-                   view(a), view(out));
-      },
-      "kind"_a, "parameters"_a, "margin"_a, "x"_a, "t"_a, "settings"_a, "a"_a.noconvert(),
-      "out"_a.noconvert(), Unlocked(),
+  m.def("planar_rows", &rows::rows, "kind"_a, "parameters"_a, "margin"_a, "x"_a, "t"_a, "settings"_a, "a"_a,
+      "out"_a, Unlocked(),
       "Write the rows of N states: a (N, m, 2), and (4, N, m) b, h, α₂(ψ) and ψ.");
   m.def(
       "held_row",
       [](double kept, double rate, double quickening, double speed, double sideways, double distance,
-         const Line& settings) {
+         const RowSettings& settings) {
         const auto row =
-            rows::held_row(kept, rate, quickening, speed, sideways, distance, settings_of(settings));
+            rows::held_row(kept, rate, quickening, speed, sideways, distance, settings);
         return std::tuple(row.b, row.alpha2_psi, row.psi, row.lost);
       },
       "kept"_a, "rate"_a, "quickening"_a, "speed"_a, "sideways"_a, "distance"_a, "settings"_a,
       "Return b, α₂(ψ) and ψ of a row on the position for a held input, and how much less h gains than a·u.");
   m.def("row_late", &rows::late<double>, "kept"_a, "rate"_a, "lost"_a, "most"_a,
         "Return what a row requests where ψ < 0: to stop at h = m at a constant rate, if U can.");
-  m.def(
-      "row_support",
-      [](const Line& settings, double ax, double ay) { return rows::support(settings_of(settings), ax, ay); },
-      "settings"_a, "ax"_a, "ay"_a,
+  m.def("row_support", &rows::support<double>, "settings"_a, "ax"_a, "ay"_a,
       "Return the most that an input of U gives of a·u, −∞ where U is not known.");
-  m.def(
-      "row_half_step", [](const Line& settings) { return rows::half_step(settings_of(settings)); },
-      "settings"_a, "Return ½ ū T², the most that a held input moves h by.");
-  m.def(
-      "row_reach",
-      [](double speed, const Line& settings) { return rows::reach_of(speed, settings_of(settings)); },
-      "speed"_a, "settings"_a, "Return how far the barrier's frame sees the robot get in one period.");
-  m.def(
-      "row_beside_core",
-      [](double radius, const Line& settings) { return rows::beside_core(radius, settings_of(settings)); },
-      "radius"_a, "settings"_a, "Return what h keeps so that no held input reaches the core of a region.");
-}
-
-using Limits = std::tuple<double, double, double, double>;
-
-axle::Axle axle_of(const Limits& limits) {
-  const auto [look_ahead, forward, turn, braking] = limits;
-  return {look_ahead, forward, turn, braking};
+  m.def("row_half_step", &rows::half_step, "settings"_a, "Return ½ ū T², the most that a held input moves h by.");
+  m.def("row_reach", &rows::reach_of<double>, "speed"_a, "settings"_a, "Return how far the barrier's frame sees the robot get in one period.");
+  m.def("row_beside_core", &rows::beside_core<double>, "radius"_a, "settings"_a, "Return what h keeps so that no held input reaches the core of a region.");
 }
 
 void bind_axle_rows(nb::module_& m) {
   m.def(
       "axle_row",
-      [](const Limits& axle, const Line& x, double heading, double period, double nx, double ny, double b) {
-        const auto row = axle_rows::of_axle(axle_of(axle), x.data(), heading, period, nx, ny, b);
+      [](const axle::Axle& axle, const Line& x, double heading, double period, double nx, double ny, double b) {
+        const auto row = axle_rows::of_axle(axle, x.data, heading, period, nx, ny, b);
         return std::tuple(row.ax, row.ay, row.b);
       },
       "axle"_a, "x"_a, "heading"_a, "period"_a, "nx"_a, "ny"_a, "b"_a,
       "Return a (2,) and b of a row in the point's acceleration, of one on the axle's mean one.");
   m.def(
       "axle_point_row",
-      [](const Limits& axle, const Line& x, double heading, double period, double nx, double ny, double b) {
-        const auto row = axle_rows::of_point(axle_of(axle), x.data(), heading, period, nx, ny, b);
+      [](const axle::Axle& axle, const Line& x, double heading, double period, double nx, double ny, double b) {
+        const auto row = axle_rows::of_point(axle, x.data, heading, period, nx, ny, b);
         return std::tuple(row.ax, row.ay, row.b);
       },
       "axle"_a, "x"_a, "heading"_a, "period"_a, "nx"_a, "ny"_a, "b"_a,
@@ -213,21 +160,16 @@ void bind_general_rows(nb::module_& m) {
       [](const Kinds& kind, const Stack& parameters, const Kinds& degree, const Stack& jets, const Table& x,
          const Line& t, const Table& f, const Stack& g, const Stack& jacobian, const Table& alphas,
          const WrittenStack& out) {
-        const general_rows::Scene scene{view(kind), view(parameters), view(degree)};
-        const general_rows::Terms terms{view(f), view(g), view(jacobian)};
-        return general_rows::write_rows(scene, view(jets), view(x), view(t), terms,
-                                        alpha(view(alphas)[0].data), alpha(view(alphas)[1].data), view(out));
+        const auto* alpha = reinterpret_cast<const class_k::ClassK*>(alphas.data);
+        const general_rows::Scene scene{kind, parameters, degree};
+        const general_rows::Terms terms{f, g, jacobian};
+        return general_rows::write_rows(scene, jets, x, t, terms,
+                                        alpha[0], alpha[1], out);
       },
       "kind"_a, "parameters"_a, "degree"_a, "jets"_a, "x"_a, "t"_a, "f"_a, "g"_a, "jacobian"_a, "alphas"_a,
-      "out"_a.noconvert(), Unlocked(),
+      "out"_a, Unlocked(),
       "Write the rows (N, m, WIDTH + n_u) of N states, and return whether a ψ_1 of one is below zero.");
-  m.def(
-      "function_rows",
-      [](const Stack& made, const Numbers<const Index, 1>& degrees, const Line& alpha2,
-         const WrittenStack& out) {
-        return general_rows::take_rows(view(made), view(degrees), alpha(alpha2.data()), view(out));
-      },
-      "made"_a, "degrees"_a, "alpha2"_a, "out"_a.noconvert(),
+  m.def("function_rows", &general_rows::take_rows, "made"_a, "degrees"_a, "alpha2"_a, "out"_a,
       "Write rows of functions (N, m, WIDTH + n_u), and return whether a ψ_1 of one is below zero.");
 }
 

@@ -6,6 +6,8 @@
 #include <nanobind/stl/tuple.h>
 
 #include <initializer_list>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -60,3 +62,67 @@ void bind_robots(nb::module_& m);
 void bind_envs(nb::module_& m);
 
 }  // namespace hcbf
+
+namespace nanobind::detail {
+
+// A view as an argument is an array of its type, in rows, without data for None. It is never a copy where
+// it is written to.
+template <class View, class T, int N>
+struct view_caster {
+  using Array = make_caster<hcbf::Numbers<T, N>>;
+  NB_TYPE_CASTER(View, Array::Name)
+
+  bool from_python(handle src, uint32_t flags, cleanup_list* cleanup) noexcept {
+    value = {};
+    if (src.is_none()) return flags & cast_flags::accepts_none;
+    if (!std::is_const_v<T>) flags &= ~static_cast<uint32_t>(cast_flags::convert);
+    if (!array.from_python(src, flags, cleanup)) return false;
+    value = hcbf::view(array.value);
+    return true;
+  }
+
+ private:
+  Array array;  // alive as long as the view
+};
+template <class T>
+struct type_caster<hcbf::Vector<T>> : view_caster<hcbf::Vector<T>, T, 1> {};
+template <class T>
+struct type_caster<hcbf::Matrix<T>> : view_caster<hcbf::Matrix<T>, T, 2> {};
+template <class T>
+struct type_caster<hcbf::Cube<T>> : view_caster<hcbf::Cube<T>, T, 3> {};
+
+// A struct as an argument is the tuple of its fields.
+template <class Struct, class... Fields>
+struct tuple_caster {
+  using Tuple = make_caster<std::tuple<Fields...>>;
+  NB_TYPE_CASTER(Struct, Tuple::Name)
+
+  bool from_python(handle src, uint32_t flags, cleanup_list* cleanup) noexcept {
+    if (!tuple.from_python(src, flags, cleanup)) return false;
+    value = std::apply([](auto... fields) { return Struct{fields...}; },
+                       static_cast<std::tuple<Fields...>>(tuple));
+    return true;
+  }
+
+ private:
+  Tuple tuple;
+};
+
+// A struct of numbers as an argument is an array of them.
+template <class Struct>
+struct numbers_caster {
+  using Array = make_caster<hcbf::Numbers<const double, 1>>;
+  NB_TYPE_CASTER(Struct, Array::Name)
+
+  bool from_python(handle src, uint32_t flags, cleanup_list* cleanup) noexcept {
+    if (!array.from_python(src, flags, cleanup)) return false;
+    if (array.value.size() * sizeof(double) != sizeof(Struct)) return false;
+    value = *reinterpret_cast<const Struct*>(array.value.data());
+    return true;
+  }
+
+ private:
+  Array array;
+};
+
+}  // namespace nanobind::detail

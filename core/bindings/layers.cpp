@@ -2,17 +2,18 @@
 #include <hcbf/gradient.hpp>
 
 #include "planar_program.hpp"
+#include "structs.hpp"
 
 namespace hcbf {
 namespace {
 
-using Line = Numbers<const double, 1>;
-using Table = Numbers<const double, 2>;
-using Integers = Numbers<const Index, 1>;
+using Line = Vector<const double>;
+using Table = Matrix<const double>;
+using Integers = Vector<const Index>;
 
 gradient::Scene scene_of(const PlanarProgram& program, const Integers& kind, const Integers& priority,
-                         const Line& settings) {
-  return {view(kind), view(priority), *reinterpret_cast<const RowSettings*>(settings.data()),
+                         const RowSettings& settings) {
+  return {kind, priority, settings,
           program.settings()};
 }
 
@@ -21,23 +22,23 @@ gradient::Scene scene_of(const PlanarProgram& program, const Integers& kind, con
 void bind_layers(nb::module_& m) {
   m.def(
       "layer_filter",
-      [](const PlanarProgram& program, const Integers& kind, const Integers& priority, const Line& settings,
-         const Table& variables, const Line& t, const Numbers<double, 2>& u, const Numbers<Index, 1>& status,
-         const Numbers<bool, 1>& degenerate) {
-        return gradient::filter_batch(scene_of(program, kind, priority, settings), view(variables), view(t),
-                                      view(u), view(status), view(degenerate));
+      [](const PlanarProgram& program, const Integers& kind, const Integers& priority, const RowSettings& settings,
+         const Table& variables, const Line& t, const Matrix<double>& u, const Vector<Index>& status,
+         const Vector<bool>& degenerate) {
+        return gradient::filter_batch(scene_of(program, kind, priority, settings), variables, t,
+                                      u, status, degenerate);
       },
-      "program"_a, "kind"_a, "priority"_a, "settings"_a, "variables"_a, "t"_a, "u"_a.noconvert(),
-      "status"_a.noconvert(), "degenerate"_a.noconvert(), Unlocked(),
+      "program"_a, "kind"_a, "priority"_a, "settings"_a, "variables"_a, "t"_a, "u"_a,
+      "status"_a, "degenerate"_a, Unlocked(),
       "Write u (N, 2), status and degenerate (N,); return the first malformed state, or N.");
   m.def(
       "layer_pull_back",
-      [](const PlanarProgram& program, const Integers& kind, const Integers& priority, const Line& settings,
-         const Table& variables, const Line& t, const Table& w, const Numbers<double, 2>& out) {
-        gradient::pull_back_batch(scene_of(program, kind, priority, settings), view(variables), view(t),
-                                  view(w), view(out));
+      [](const PlanarProgram& program, const Integers& kind, const Integers& priority, const RowSettings& settings,
+         const Table& variables, const Line& t, const Table& w, const Matrix<double>& out) {
+        gradient::pull_back_batch(scene_of(program, kind, priority, settings), variables, t,
+                                  w, out);
       },
-      "program"_a, "kind"_a, "priority"_a, "settings"_a, "variables"_a, "t"_a, "w"_a, "out"_a.noconvert(),
+      "program"_a, "kind"_a, "priority"_a, "settings"_a, "variables"_a, "t"_a, "w"_a, "out"_a,
       Unlocked(), "Write (∂u/∂variables)ᵀ w of N states, w (N, 2).");
 }
 

@@ -1,5 +1,5 @@
 // The parts of a tick that Python calls one by one: environments and benchmarks some of them, tests all.
-// Records come as bytes, see `hcbf_gym/locomotion/records.py`.
+
 #include <hcbf/leg_odometry.hpp>
 #include <hcbf/locomotion_tick.hpp>
 

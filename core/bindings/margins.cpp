@@ -1,5 +1,5 @@
 // What rows reserve, and the pieces of maps.
-#include "bindings.hpp"
+#include "structs.hpp"
 
 #include <hcbf/mapped.hpp>
 #include <hcbf/model_margins.hpp>
@@ -8,51 +8,43 @@
 namespace hcbf {
 namespace {
 
-using Line = Numbers<const double, 1>;
-using Table = Numbers<const double, 2>;
-using Stack = Numbers<const double, 3>;
+using Line = Vector<const double>;
+using Table = Matrix<const double>;
+using Stack = Cube<const double>;
 
-// `models.plant.Uncertainty` and `RowSettings.packed`, each as an array of its numbers.
-const Uncertainty& uncertainty(const Line& numbers) {
-  return *reinterpret_cast<const Uncertainty*>(numbers.data());
-}
-const RowSettings& row_settings_of(const Line& numbers) {
-  return *reinterpret_cast<const RowSettings*>(numbers.data());
-}
-
-void reserved(const Line& settings, const Numbers<const Index, 2>& kind, const Stack& parameters,
+void reserved(const Uncertainty& settings, const Matrix<const Index>& kind, const Stack& parameters,
               const Table& x, const Line& t, const Table& model, const Table& lag, const Stack& covariance,
-              const Line& growth, double period, const Numbers<double, 3>& out) {
-  const auto at = [](const Table& states, Index i) { return view(states)[i].data; };
-  for (Index i = 0; i < view(x).rows; ++i) {
-    const margins::Known known{at(x, i),   t.data()[i],         at(model, i),
-                               at(lag, i), view(covariance)[i], growth.data()[i]};
-    margins::derive(uncertainty(settings), view(kind)[i], view(parameters)[i], known, period,
-                    margins::reserved(view(out), i));
+              const Line& growth, double period, const Cube<double>& out) {
+  const auto at = [](const Table& states, Index i) { return states[i].data; };
+  for (Index i = 0; i < x.rows; ++i) {
+    const margins::Known known{at(x, i),   t.data[i],         at(model, i),
+                               at(lag, i), covariance[i], growth.data[i]};
+    margins::derive(settings, kind[i], parameters[i], known, period,
+                    margins::reserved(out, i));
   }
 }
 
-void of_models(const Line& settings, const Numbers<const Index, 2>& kind, const Stack& parameters,
+void of_models(const Uncertainty& settings, const Matrix<const Index>& kind, const Stack& parameters,
                const Table& least, const Stack& gradient, const Table& bend, Index n_p, const Table& x,
                const Line& time, const Table& lag, const Table& off, const Stack& slip, const Stack& state,
                const Stack& drift, const Line& growth, const Numbers<const double, 4>& turns, double period,
-               const Numbers<double, 3>& out) {
-  const model_margins::Rows rows{view(kind), view(parameters), view(least), view(gradient), view(bend), n_p};
-  const Index n = view(x).columns;
+               const Cube<double>& out) {
+  const model_margins::Rows rows{kind, parameters, least, gradient, bend, n_p};
+  const Index n = x.columns;
   const Cube<const double> turning{turns.data(), Index(turns.shape(0) * turns.shape(1)), n, n};
-  const model_margins::Several several{view(x),     view(time),  view(lag),    view(off), view(slip),
-                                       view(state), view(drift), view(growth), turning};
-  model_margins::of_models(uncertainty(settings), rows, several, period, view(out));
+  const model_margins::Several several{x,     time,  lag,    off, slip,
+                                       state, drift, growth, turning};
+  model_margins::of_models(settings, rows, several, period, out);
 }
 
-auto nearby(const Line& settings, const Line& rows, double radius, const Numbers<const Index, 1>& kind,
-            const Table& parameters, const Numbers<const Index, 1>& priority, const Line& own_margin,
+auto nearby(const Uncertainty& settings, const RowSettings& rows, double radius, const Vector<const Index>& kind,
+            const Table& parameters, const Vector<const Index>& priority, const Line& own_margin,
             const Line& atlas, const Line& x, const Line& model, const Line& lag, const Table& covariance,
             double growth) {
-  const mapped::Scene scene{view(kind), view(parameters), view(priority), view(own_margin), view(kind)};
-  const margins::Known known{x.data(), 0.0, model.data(), lag.data(), view(covariance), growth};
+  const mapped::Scene scene{kind, parameters, priority, own_margin, kind};
+  const margins::Known known{x.data, 0.0, model.data, lag.data, covariance, growth};
   mapped::Nearby found;
-  mapped::nearby(uncertainty(settings), row_settings_of(rows), radius, scene, view(atlas), known, found);
+  mapped::nearby(settings, rows, radius, scene, atlas, known, found);
   const std::size_t m = found.kind.size(), width = layout::WIDTH;
   return std::tuple(owned<Index>(std::move(found.kind), {m}),
                     owned<double>(std::move(found.parameters), {m, width}),
@@ -62,17 +54,17 @@ auto nearby(const Line& settings, const Line& rows, double radius, const Numbers
 }
 
 auto packed(const Table& blocks, double x, double y, double yaw, Index inner) {
-  std::vector<double> numbers = pieces::packed(view(blocks), x, y, yaw, inner);
+  std::vector<double> numbers = pieces::packed(blocks, x, y, yaw, inner);
   const std::size_t size = numbers.size();
   return owned<double>(std::move(numbers), {size});
 }
 
 // Writes h and its gradient (k, 3) at a point of the pieces with the given blocks.
-void jets(const Line& atlas, const Numbers<const Index, 1>& blocks, double x, double y,
-          const Numbers<double, 2>& out) {
-  for (Index k = 0; k < view(blocks).size; ++k) {
-    const PlanarJet jet = convex_polygon::jet(&view(atlas)[view(blocks)[k]], x, y);
-    double* to = view(out)[k].data;
+void jets(const Line& atlas, const Vector<const Index>& blocks, double x, double y,
+          const Matrix<double>& out) {
+  for (Index k = 0; k < blocks.size; ++k) {
+    const PlanarJet jet = convex_polygon::jet(&atlas[blocks[k]], x, y);
+    double* to = out[k].data;
     to[0] = jet.h, to[1] = jet.gx, to[2] = jet.gy;
   }
 }
@@ -81,11 +73,11 @@ void jets(const Line& atlas, const Numbers<const Index, 1>& blocks, double x, do
 
 void bind_margins(nb::module_& m) {
   m.def("margins_reserved", &reserved, "settings"_a, "kind"_a, "parameters"_a, "x"_a, "t"_a, "model"_a,
-        "lag"_a, "covariance"_a, "growth"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
+        "lag"_a, "covariance"_a, "growth"_a, "period"_a, "out"_a, Unlocked(),
         "Write m, ṁ, m̈ and leaning (4, N, m) of the rows of N planar double integrators.");
   m.def("margins_of_models", &of_models, "settings"_a, "kind"_a, "parameters"_a, "least"_a, "gradient"_a,
         "bend"_a, "n_p"_a, "x"_a, "time"_a, "lag"_a, "off"_a, "slip"_a, "state"_a, "drift"_a, "growth"_a,
-        "turns"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
+        "turns"_a, "period"_a, "out"_a, Unlocked(),
         "Write (N, m, 6) m, ṁ, m̈, leaning, the body's part and 1 for too fast, of N plants of any model.");
   m.def("map_nearby", &nearby, "settings"_a, "rows"_a, "radius"_a, "kind"_a, "parameters"_a, "priority"_a,
         "own_margin"_a, "atlas"_a, "x"_a, "model"_a, "lag"_a, "covariance"_a, "growth"_a,
@@ -95,34 +87,24 @@ void bind_margins(nb::module_& m) {
   m.def(
       "pieces_nearest",
       [](const Line& atlas, Index at, double x, double y) {
-        const pieces::Nearest found = pieces::nearest(view(atlas), at, x, y);
+        const pieces::Nearest found = pieces::nearest(atlas, at, x, y);
         return std::pair(found.distance, found.block);
       },
       "atlas"_a, "at"_a, "x"_a, "y"_a,
       "Return the signed distance from the nearest piece [m] and where its block begins, −1 for none.");
-  m.def(
-      "pieces_near",
-      [](const Line& atlas, Index at, double x, double y, double reach, const Numbers<Index, 1>& found) {
-        return pieces::near(view(atlas), at, x, y, reach, view(found));
-      },
-      "atlas"_a, "at"_a, "x"_a, "y"_a, "reach"_a, nb::arg("found").noconvert(),
+  m.def("pieces_near", &pieces::near, "atlas"_a, "at"_a, "x"_a, "y"_a, "reach"_a, "found"_a,
       "Write the blocks of the pieces no farther than `reach` [m], and return how many there are.");
   m.def(
       "pieces_jet",
       [](const Line& atlas, Index at, double x, double y) {
-        const pieces::Slope there = pieces::jet(view(atlas), at, x, y);
+        const pieces::Slope there = pieces::jet(atlas, at, x, y);
         return std::tuple(there.h, there.gx, there.gy);
       },
       "atlas"_a, "at"_a, "x"_a, "y"_a,
       "Return the signed distance from the nearest piece [m] and its gradient.");
-  m.def("pieces_jets", &jets, "atlas"_a, "blocks"_a, "x"_a, "y"_a, nb::arg("out").noconvert(),
+  m.def("pieces_jets", &jets, "atlas"_a, "blocks"_a, "x"_a, "y"_a, "out"_a,
         "Write the signed distances from the pieces with the given blocks [m] and their gradients (k, 3).");
-  m.def(
-      "pieces_distances",
-      [](const Line& atlas, Index at, const Table& points, const Numbers<double, 1>& out) {
-        pieces::distances(view(atlas), at, view(points), view(out));
-      },
-      "atlas"_a, "at"_a, "points"_a, nb::arg("out").noconvert(), Unlocked(),
+  m.def("pieces_distances", &pieces::distances, "atlas"_a, "at"_a, "points"_a, "out"_a, Unlocked(),
       "Write the signed distances (N,) of points (N, 2) from the nearest piece [m].");
 }
 

@@ -4,70 +4,63 @@
 
 #include "records.hpp"
 
+// As the named tuples of `filtering.model_monitor` hold them.
+namespace nanobind::detail {
+using hcbf::Cube, hcbf::Index, hcbf::Matrix, hcbf::Vector;
+namespace monitors = hcbf::model_monitor;
+template <>
+struct type_caster<monitors::Watched>
+    : tuple_caster<monitors::Watched, double, double, double, Vector<const double>, Vector<const bool>> {};
+template <>
+struct type_caster<monitors::Sample>
+    : tuple_caster<monitors::Sample, Matrix<const double>, Matrix<const double>, Matrix<const double>,
+                   Cube<const double>, Cube<const double>> {};
+template <>
+struct type_caster<monitors::Arrival>
+    : tuple_caster<monitors::Arrival, Matrix<double>, Cube<double>, Matrix<double>, Vector<bool>,
+                   Matrix<double>, Matrix<double>> {};
+template <>
+struct type_caster<hcbf::nearness::Scenes>
+    : tuple_caster<hcbf::nearness::Scenes, Matrix<const Index>, Cube<const double>> {};
+}  // namespace nanobind::detail
+
 namespace hcbf {
 
 namespace {
 
-using Mask = Numbers<const bool, 1>;
-using States = Numbers<const double, 2>;
-using Terms = Numbers<const double, 3>;
+using Mask = Vector<const bool>;
+using States = Matrix<const double>;
+using Terms = Cube<const double>;
 
-// As the named tuples of `filtering.model_monitor` hold them.
-using Watched = std::tuple<double, double, double, Numbers<const double, 1>, Mask>;
-using Sample = std::tuple<States, States, States, Terms, Terms>;
-using Arrival = std::tuple<Numbers<double, 2>, Numbers<double, 3>, Numbers<double, 2>, Numbers<bool, 1>,
-                           Numbers<double, 2>, Numbers<double, 2>>;
-
-model_monitor::Watched view(const Watched& watched) {
-  const auto& [period, radius, confidence, largest, steered] = watched;
-  return {period, radius, confidence, hcbf::view(largest), hcbf::view(steered)};
-}
-
-model_monitor::Sample view(const Sample& sample) {
-  const auto& [body, model, f, g, g_model] = sample;
-  return {hcbf::view(body), hcbf::view(model), hcbf::view(f), hcbf::view(g), hcbf::view(g_model)};
-}
-
-model_monitor::Arrival view(const Arrival& arrival) {
-  const auto& [chosen, to_input, u, other, body, model] = arrival;
-  return {hcbf::view(chosen), hcbf::view(to_input), hcbf::view(u),
-          hcbf::view(other), hcbf::view(body), hcbf::view(model)};
-}
+using model_monitor::Arrival, model_monitor::Sample, model_monitor::Watched;
 
 void bind_monitor(nb::module_& m) {
   m.def("monitor_watch", [](const Words& plant, double radius, double confidence, bool exact, bool observed) {
     const auto sensed = records<plants::Plant>(plant);
     monitor::watch(sensed[0], {sensed.tail(0), 2}, radius, confidence, exact, observed);
-  }, "plant"_a.noconvert(), "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
+  }, "plant"_a, "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
   "Compare a valid sample of a planar double integrator with the one before, and raise its alarms.");
 }
 
 void bind_model_monitor(nb::module_& m) {
   m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed,
                              const States& x, const Terms& g, const Arrival& arrival) {
-    return model_monitor::arrivals(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
-                                   hcbf::view(x), hcbf::view(g), view(arrival));
-  }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "x"_a, "g"_a, "arrival"_a.noconvert(),
+    return model_monitor::arrivals(watched, records<plants::Plant>(plants), believed,
+                                   x, g, arrival);
+  }, "watched"_a, "plants"_a, "believed"_a, "x"_a, "g"_a, "arrival"_a,
   "Write the inputs that seem to have arrived, and return whether any differs from the chosen one.");
   m.def("model_observe", [](const Watched& watched, const Words& plants, const Mask& believed,
                             const Terms& covariance, const std::tuple<Sample, Sample>& samples,
-                            const Arrival& arrival, const Numbers<double, 3>& sums) {
+                            const Arrival& arrival, const Cube<double>& sums) {
     const auto& [now, last] = samples;
-    model_monitor::observe(view(watched), records<plants::Plant>(plants), hcbf::view(believed),
-                           hcbf::view(covariance), {view(now), view(last), view(arrival), hcbf::view(sums)});
-  }, "watched"_a, "plants"_a.noconvert(), "believed"_a, "covariance"_a, "samples"_a, "arrival"_a.noconvert(),
-  "sums"_a.noconvert(), "Account for a sample of N plants of any model, and raise their alarms.");
+    model_monitor::observe(watched, records<plants::Plant>(plants), believed,
+                           covariance, {now, last, arrival, sums});
+  }, "watched"_a, "plants"_a, "believed"_a, "covariance"_a, "samples"_a, "arrival"_a,
+  "sums"_a, "Account for a sample of N plants of any model, and raise their alarms.");
 }
 
 void bind_nearness(nb::module_& m) {
-  using Scenes = std::pair<Numbers<const Index, 2>, Numbers<const double, 3>>;
-  m.def("nearness_find_beside", [](const Scenes& before, const Scenes& now,
-                                   const Numbers<const double, 2>& earlier,
-                                   const Numbers<const double, 1>& t, const Numbers<Index, 2>& found) {
-    nearness::find_beside({hcbf::view(before.first), hcbf::view(before.second)},
-                          {hcbf::view(now.first), hcbf::view(now.second)}, hcbf::view(earlier), hcbf::view(t),
-                          hcbf::view(found));
-  }, "before"_a, "now"_a, "earlier"_a, "t"_a, "found"_a.noconvert(),
+  m.def("nearness_find_beside", &nearness::find_beside, "before"_a, "now"_a, "earlier"_a, "t"_a, "found"_a,
   "Write which regions of the scenes before were those of the scenes now.");
 }
 
