@@ -108,18 +108,45 @@ struct tuple_caster {
   Tuple tuple;
 };
 
-// A struct of numbers as an argument is an array of them.
-template <class Struct>
+// A struct of numbers is an array of them, of the given shape, which is copied.
+template <class Struct, ssize_t... Shape>
 struct numbers_caster {
-  using Array = make_caster<hcbf::Numbers<const double, 1>>;
+  using Array = make_caster<ndarray<const double, shape<Shape...>, c_contig, device::cpu>>;
   NB_TYPE_CASTER(Struct, Array::Name)
+  static_assert(sizeof(Struct) == (Shape * ...) * sizeof(double));
 
   bool from_python(handle src, uint32_t flags, cleanup_list* cleanup) noexcept {
     if (!array.from_python(src, flags, cleanup)) return false;
-    if (array.value.size() * sizeof(double) != sizeof(Struct)) return false;
     value = *reinterpret_cast<const Struct*>(array.value.data());
     return true;
   }
+
+  static handle from_cpp(const Struct& numbers, rv_policy, cleanup_list* cleanup) noexcept {
+    const auto* first = reinterpret_cast<const double*>(&numbers);
+    auto copy = hcbf::owned<double>(std::vector<double>(first, first + (Shape * ...)), {std::size_t{Shape}...});
+    return make_caster<decltype(copy)>::from_cpp(copy, rv_policy::automatic, cleanup);
+  }
+
+ private:
+  Array array;
+};
+
+// A record as an argument is its numbers, which may be written to.
+template <class Struct>
+struct record_caster {
+  using Array = make_caster<ndarray<double, shape<sizeof(Struct) / sizeof(double)>, c_contig, device::cpu>>;
+  static constexpr auto Name = Array::Name;
+  template <class T>
+  using Cast = Struct&;
+  template <class T>
+  static constexpr bool can_cast() {
+    return true;
+  }
+
+  bool from_python(handle src, uint32_t, cleanup_list* cleanup) noexcept {
+    return array.from_python(src, 0, cleanup);
+  }
+  explicit operator Struct&() { return *reinterpret_cast<Struct*>(array.value.data()); }
 
  private:
   Array array;

@@ -8,7 +8,7 @@
 
 namespace nanobind::detail {
 template <>
-struct type_caster<hcbf::field::Geometry> : numbers_caster<hcbf::field::Geometry> {};
+struct type_caster<hcbf::field::Geometry> : numbers_caster<hcbf::field::Geometry, 7> {};
 template <>
 struct type_caster<hcbf::guidance_row::Pull> : tuple_caster<hcbf::guidance_row::Pull, double, double, double, double> {};
 template <>

@@ -5,7 +5,7 @@
 #include <hcbf/ros_robot.hpp>
 #include <hcbf/walker_physics.hpp>
 
-#include "records.hpp"
+#include "locomotion_structs.hpp"
 
 namespace hcbf {
 
@@ -73,11 +73,11 @@ void bind_locomotion(nb::module_& m) {
           [](LocomotionTick* self, Word settings, Word memory, Word workspace) {
             new (self) LocomotionTick{settings, memory, workspace};
           },
-          nb::arg("settings").noconvert(), nb::arg("memory").noconvert(), nb::arg("workspace").noconvert())
-      .def("tick", &LocomotionTick::tick, nb::arg("state"), nb::arg("u"),
+          "settings"_a.noconvert(), "memory"_a.noconvert(), "workspace"_a.noconvert())
+      .def("tick", &LocomotionTick::tick, "state"_a, "u"_a,
            "Run a tick up to the QP; return how many feet stand and whether no bound binds: then the torques "
            "are set.")
-      .def("finish", &LocomotionTick::finish, nb::arg("solved"),
+      .def("finish", &LocomotionTick::finish, "solved"_a,
            "Set the torques of the solution in the workspace, or hold the last ones.");
 
   nb::class_<FaultDetection>(m, "FaultDetection", "The sums from which a watch judges.")
@@ -89,12 +89,12 @@ void bind_locomotion(nb::module_& m) {
                                       {foot_radius, settled, every},
                                       fault_detection::Memory(delays)};
           },
-          nb::arg("legs"), nb::arg("foot_radius"), nb::arg("settled"), nb::arg("every"), nb::arg("delays"))
+          "legs"_a, "foot_radius"_a, "settled"_a, "every"_a, "delays"_a)
       .def(
           "reset", [](FaultDetection& self) { self.memory.reset(); }, "Forget the past.")
-      .def("add_up", &FaultDetection::add_up, nb::arg("row"), nb::arg("states"), nb::arg("torques"),
-           nb::arg("stances"), nb::arg("lift"), "Put the sums of n ticks in a row of the window.")
-      .def("signals", &FaultDetection::signals, nb::arg("judgements"), nb::arg("declared"),
+      .def("add_up", &FaultDetection::add_up, "row"_a, "states"_a, "torques"_a,
+           "stances"_a, "lift"_a, "Put the sums of n ticks in a row of the window.")
+      .def("signals", &FaultDetection::signals, "judgements"_a, "declared"_a,
            "Return slip [m/s], lag and lift [m/s²] over the window.")
       .def_prop_ro(
           "sums",
@@ -112,18 +112,18 @@ void bind_locomotion(nb::module_& m) {
           [](Motors* self, Given1 stall, Given1 no_load_speed, Given1 rate, Numbers<double, 1> delivered) {
             new (self) Motors{stall, no_load_speed, rate, delivered};
           },
-          nb::arg("stall"), nb::arg("no_load_speed"), nb::arg("rate").noconvert(),
-          nb::arg("delivered").noconvert())
-      .def("drive", &Motors::drive, nb::arg("strength"), nb::arg("command"),
+          "stall"_a, "no_load_speed"_a, "rate"_a.noconvert(),
+          "delivered"_a.noconvert())
+      .def("drive", &Motors::drive, "strength"_a, "command"_a,
            "Fill in what the motors deliver of a strength times the commanded torques (12,) [N·m].");
   m.def(
       "torque_limits",
-      [](const Given1& stall, const Given1& no_load_speed, const Given1& rate) {
+      [](Vector<const double> stall, Vector<const double> no_load_speed, Vector<const double> rate) {
         double limits[2][12];
-        motors::torque_limits(view(stall), view(no_load_speed), view(rate), {limits[0], 2, 12});
+        motors::torque_limits(stall, no_load_speed, rate, {limits[0], 2, 12});
         return copied(limits[0], 2, 12);
       },
-      nb::arg("stall"), nb::arg("no_load_speed"), nb::arg("rate"),
+      "stall"_a, "no_load_speed"_a, "rate"_a,
       "Return (2, 12) the least and the largest torque that the motors give at a rate (12,) [N·m].");
 
   nb::class_<A1State>(m, "A1State", "The state of an A1, on views of MuJoCo's data.")
@@ -132,25 +132,20 @@ void bind_locomotion(nb::module_& m) {
           [](A1State* self, Given1 qpos, Given1 qvel, Given1 foot_forces) {
             new (self) A1State{qpos, qvel, foot_forces};
           },
-          nb::arg("qpos").noconvert(), nb::arg("qvel").noconvert(), nb::arg("foot_forces").noconvert())
-      .def("read", &A1State::read, nb::arg("state").noconvert(),
+          "qpos"_a.noconvert(), "qvel"_a.noconvert(), "foot_forces"_a.noconvert())
+      .def("read", &A1State::read, "state"_a.noconvert(),
            "Fill in the vector (41,) of a state and return whether it is finite.");
 
-  m.def(
-      "is_finite",
-      [](const Given1& positions, const Given1& velocities) {
-        return walker_physics::finite(view(positions), view(velocities));
-      },
-      nb::arg("positions"), nb::arg("velocities"),
-      "Return whether a state holds nothing but finite numbers.");
+  m.def("is_finite", &walker_physics::finite, "positions"_a, "velocities"_a,
+        "Return whether a state holds nothing but finite numbers.");
   m.def(
       "cast_rays",
-      [](const Numbers<const bool, 2>& cells, double x, double y, const Given1& angles, double reach) {
-        std::vector<double> out(angles.shape(0));
-        ros_robot::cast(view(cells), x, y, view(angles), reach, {out.data(), static_cast<Index>(out.size())});
+      [](Matrix<const bool> cells, double x, double y, Vector<const double> angles, double reach) {
+        std::vector<double> out(angles.size);
+        ros_robot::cast(cells, x, y, angles, reach, {out.data(), angles.size});
         return copied(out.data(), out.size());
       },
-      nb::arg("cells"), nb::arg("x"), nb::arg("y"), nb::arg("angles"), nb::arg("reach"),
+      "cells"_a, "x"_a, "y"_a, "angles"_a, "reach"_a,
       "Return (k,) how far rays from (x, y) go until an occupied cell, all in cells.");
   bind_locomotion_parts(m);
 }

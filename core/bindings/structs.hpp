@@ -10,11 +10,11 @@
 namespace nanobind::detail {
 
 template <>
-struct type_caster<hcbf::class_k::ClassK> : numbers_caster<hcbf::class_k::ClassK> {};
+struct type_caster<hcbf::class_k::ClassK> : numbers_caster<hcbf::class_k::ClassK, 4> {};
 template <>
-struct type_caster<hcbf::RowSettings> : numbers_caster<hcbf::RowSettings> {};
+struct type_caster<hcbf::RowSettings> : numbers_caster<hcbf::RowSettings, 15> {};
 template <>
-struct type_caster<hcbf::Uncertainty> : numbers_caster<hcbf::Uncertainty> {};
+struct type_caster<hcbf::Uncertainty> : numbers_caster<hcbf::Uncertainty, 8> {};
 template <>
 struct type_caster<hcbf::axle::Axle> : tuple_caster<hcbf::axle::Axle, double, double, double, double> {};
 

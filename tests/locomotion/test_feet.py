@@ -83,7 +83,7 @@ def test_footholds_stay_within_reach_of_the_hip(vx, vy, yaw_rate, remaining):
     velocity = np.array([vx, vy, 0.0])
     for foot in range(4):
         trunk = ORIGIN, velocity, 0.0, 0.27
-        landing = _core.foothold(nominal[foot], *trunk, words_of(reference), remaining, 0.13)
+        landing = _core.foothold(nominal[foot], trunk, words_of(reference), remaining, 0.13)
         turned = yaw_rate * remaining
         turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
         hip = velocity[:2] * remaining + turn @ nominal[foot]
@@ -143,7 +143,7 @@ def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, sta
         now = packed(gait, GAIT), tick * DT, np.zeros(4, bool)
         trunk = place, velocity, 0.0, 0.27
         places = feet, nominal, 0.02
-        _core.plan_feet(words_of(plan), *now, *places, *trunk, words_of(reference), DT)
+        _core.plan_feet(words_of(plan), *now, *places, trunk, words_of(reference), DT)
     assert not targets.stance[0]
     assert np.linalg.norm(targets.motion[0, 1, :2]) < 0.35  # chasing its foothold to the end: 0.86
     np.testing.assert_allclose(targets.motion[0, 0, :2], targets.foothold[0], atol=1e-3)
