@@ -62,7 +62,9 @@ class ReportBuffer:
 
     def renew(self) -> None:
         """Take memory of its own for the next report."""
-        self._divide(self._numbers.copy())
+        told, _ = self.words
+        self._divide(np.empty_like(self._numbers))
+        self.words[0][...] = told  # every step writes all rows
 
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""

@@ -24,7 +24,6 @@ struct Matrix {  // (n, m)
   operator Matrix<const T>() const { return {data, rows, columns}; }
   T& operator()(Index i, Index j) const { return data[i * columns + j]; }
   Vector<T> operator[](Index i) const { return {data + i * columns, columns}; }
-  Matrix part(Index first, Index end) const { return {data + first * columns, end - first, columns}; }
 };
 
 template <class T>
@@ -45,7 +44,6 @@ struct Records {
   Index size, stride;
   T& operator[](Index i) const { return *reinterpret_cast<T*>(data + i * stride); }
   double* tail(Index i) const { return reinterpret_cast<double*>(data + i * stride + sizeof(T)); }
-  Records part(Index first, Index end) const { return {data + first * stride, end - first, stride}; }
 };
 
 }  // namespace hcbf

@@ -92,7 +92,7 @@ PlacedRow<Number> held_row(const Number& kept, const Number& rate, const Number&
   const Number psi = rate + class_k::value(s.alpha1, kept), alpha2_psi = class_k::value(s.alpha2, psi);
 
   const Number end = kept + rate * period, lowest = end - half, highest = end + half;
-  const Number chord = min(class_k::slope(s.alpha1, lowest), class_k::slope(s.alpha1, highest));
+  const Number chord = class_k::slope(s.alpha1, max(abs(lowest), abs(highest)));
   const Number promised = class_k::value(s.alpha1, lowest) + chord * half;
   const Number nu = turning(speed, sideways, distance, s) + quickening * period;
   const Number least = psi - period * alpha2_psi - rate + nu;

@@ -59,11 +59,10 @@ inline bool are_near(Vector<const double> values) {
 inline bool is_covariance(Matrix<const double> matrix) {
   const Index n = matrix.rows;
   bool zero = true;
-  for (Index j = 0; j < n; ++j) {
-    if (!(matrix(j, j) >= 0.0 && std::isfinite(matrix(j, j)))) return false;
-    for (Index k = 0; k < n; ++k) zero &= matrix(j, k) == 0.0;
-  }
+  for (Index k = 0; k < n * n; ++k) zero &= matrix.data[k] == 0.0;
   if (zero) return true;  // the truth
+  for (Index j = 0; j < n; ++j)
+    if (!(matrix(j, j) >= 0.0 && std::isfinite(matrix(j, j)))) return false;
   double small[ON_STACK * ON_STACK];
   std::vector<double> large(n > ON_STACK ? n * n : 0);
   const Matrix<double> rest{n > ON_STACK ? large.data() : small, n, n};

@@ -1,6 +1,7 @@
 // Room for the rows of one plant, and for the program's answer; it grows with the scene and is kept.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -36,6 +37,9 @@ class Work {
 
   // Makes room for m conditions of n_u inputs, M rows with that of guidance, and a U with so many corners.
   void fit(Index m, Index total, Index n_u, double radius, Index vertices) {
+    const std::array<Index, 4> shape{m, total, n_u, vertices};
+    if (shape == shape_ && radius == polygons.radius) return;
+    shape_ = shape;
     const auto room = [](auto& of, Index size) {
       if (static_cast<Index>(of.size()) < size) of.resize(2 * size);
       return of.data();
@@ -71,6 +75,7 @@ class Work {
   std::vector<Index> codes_;
   std::unique_ptr<bool[]> flags_;
   Index flags_size_ = -1;
+  std::array<Index, 4> shape_{-1, -1, -1, -1};  // that there is room for
 };
 
 }  // namespace hcbf::work
