@@ -1,5 +1,6 @@
 """The compiled core: made from the sources beside it, headers that anybody can include."""
 
+import ctypes
 import re
 import shutil
 import subprocess
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 
 import hcbf_gym
+from benchmarks import gpu
 from hcbf_gym import _core, sources
 from hcbf_gym.arrays import record_type
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.errors import HcbfError
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
@@ -118,6 +121,28 @@ void operator delete(void* at, std::size_t) noexcept { std::free(at); }
     assert len(set(found[:, 1])) == 3
     assert found[0, 0] > 0
     assert (found[:, 0] == found[0, 0]).all()
+
+
+def test_a_thread_of_the_gpus_kernel_computes_what_the_core_does(tmp_path):
+    library = tmp_path / "filter.so"
+    options = *STRICT, "-O1", "-ffp-contract=off", "-fPIC", "-shared", "-x", "c++"
+    subprocess.run([compiler(), *options, str(gpu.SOURCE), "-o", str(library)], check=True)
+    scenes = gpu.draw(1000)
+    found = gpu.empty(scenes)
+    places = [array.ctypes.data for array in (*scenes, *found)]
+    ctypes.CDLL(str(library)).filter(ctypes.byref(gpu.problem(scenes, places)))
+    expected = gpu.on_cpu(scenes)
+    assert len(set(expected.status)) == 4  # from nominal to violated
+    for one, two in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, two, rtol=0.0, atol=1e-12)
+
+
+def test_the_core_compiles_for_a_gpu():
+    try:
+        gpu.toolkit()
+    except HcbfError:
+        pytest.skip("needs NVRTC: pip install nvidia-cuda-nvrtc nvidia-cuda-cccl")
+    assert b".entry filter(" in gpu.compiled()
 
 
 def test_the_readme_names_every_header():

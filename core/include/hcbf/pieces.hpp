@@ -125,7 +125,8 @@ inline Nearest nearest(Vector<const double> atlas, Index at, double x, double y)
   if (atlas[at + COUNT] == 0.0) return best;
   const Index columns = whole(atlas, at + COLUMNS), rows = whole(atlas, at + ROWS);
   const double side = atlas[at + SIDE];
-  const auto [u, v] = in_frame(atlas, at, x, y);
+  const Place place = in_frame(atlas, at, x, y);
+  const double u = place.u, v = place.v;  // C++17 captures no structured binding
   const Index c = bucket_of(atlas, at, u, columns), r = bucket_of(atlas, at, v, rows);
   const Lists lists = lists_of(atlas, at);
   const double inside_u = std::min(std::max(u - c * side, 0.0), side);
