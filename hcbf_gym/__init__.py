@@ -78,3 +78,5 @@ gym.register(
         WrapperSpec("PacedTimeLimit", "hcbf_gym.envs.time_limit:PacedTimeLimit", {}),
     ),
 )
+
+from hcbf_gym import registered  # noqa: E402, F401

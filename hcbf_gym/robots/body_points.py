@@ -89,3 +89,6 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
         ]
         return np.unique(np.concatenate(edges), axis=0) * size, 0.0
     return np.zeros((1, 3)), float(model.geom_rbound[geom])
+
+
+

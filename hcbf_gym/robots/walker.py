@@ -24,7 +24,7 @@ from hcbf_gym.errors import (
     shown,
 )
 from hcbf_gym.robots import carts, walker_policy
-from hcbf_gym.robots.body_points import radius
+from hcbf_gym.robots.body_points import radius, stand
 from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker_model import Parts, indices, walker_spec
@@ -123,6 +123,114 @@ class Walker:
 
     @property
     def response_file(self) -> Path:
+        """Where what `hcbf identify` measures stands."""
+        return response_file(self.source)
+
+    @property
+    def files(self) -> list[Path]:
+        """What decides the robot: contract, MJCF with all that it reads, controller, response."""
+        files = {self.source, self.response_file, *read_by(self.mjcf)}
+        files |= set(walker_policy.files(self.policy, self.source.parent))
+        return sorted(file for file in files if file.is_file())
+
+    def spec(self) -> tuple[mujoco.MjSpec, Parts]:
+        """Return the robot alone as the contract asks for it, and the names of its parts."""
+        sensors = sensors_of(self.observation)
+        spec, parts = walker_spec(self.mjcf, self.body, self.action, self.physics, sensors)
+        add_touch_sensors(spec, self.observation)
+        return spec, parts
+
+    @cached_property
+    def reach(self) -> float:
+        """Radius of the circle around the trunk's centre that holds the moving robot [m].
+
+        The contract's, or what follows from the geoms at home.
+        """
+        if self.body.reach is not None:
+            return self.body.reach
+        spec, parts = self.spec()
+        return radius(compile_spec(spec, self.mjcf), parts.trunk, parts.home)
+
+    def scale(self, parts: Parts) -> Array:
+        """Return (k,) by which the controller's output is multiplied."""
+        return spread("action: scale", self.action.scale, len(parts.actuators))
+
+    def offset(self, parts: Parts, at: Integers) -> Array:
+        """Return (k,) what is added to it: home, or nothing.
+
+        Args:
+            parts: names of the robot's parts.
+            at: (k,) of the driven joints in qpos.
+        """
+        if self.action.kind == "direct":
+            return np.zeros(len(parts.actuators))
+        return parts.home[at - 7]
+
+    def controller(self, sizes: tuple[int, int], model: mujoco.MjModel) -> Controller:
+        """Return the controller for one episode.
+
+        Args:
+            sizes: n of the observation and k of the action.
+            model: the compiled scene.
+
+        Raises:
+            HcbfError: if there is none, or it does not fit.
+        """
+        return self._make(sizes)(model, self.period)
+
+    def _make(self, sizes: tuple[int, int]) -> walker_policy.Maker:
+        return walker_policy.make(self.policy, self.source.parent, sizes)
+
+    @cached_property
+    def first_phase(self) -> Array:
+        """(p,) the clock's phases at the start [rad]; empty without a clock."""
+        return np.array([] if self.phase is None else self.phase.start, dtype=np.float64)
+
+    def check(self) -> None:
+        """Let the controller act once on the robot as it starts.
+
+        Raises:
+            HcbfError: if file, contract and controller do not fit each other.
+        """
+        spec, parts = self.spec()
+        model = compile_spec(spec, self.mjcf)
+        ticks = self.period / model.opt.timestep
+        if abs(ticks - round(ticks)) > 1e-6 or ticks < 0.5:
+            raise InvalidInputError(
+                f"period: got {self.period} s, expected a multiple of the physics step of "
+                f"{model.opt.timestep:g} s"
+            )
+        if not (model.geom_contype.any() or model.geom_conaffinity.any()):
+            raise RobotModelError(
+                f"mjcf: got {self.mjcf} with no geom that touches anything, expected feet or "
+                "wheels whose contype or conaffinity is not 0"
+            )
+        data = mujoco.MjData(model)
+        stand(data, np.zeros(2), self.body.height, 0.0, parts.home)
+        mujoco.mj_forward(model, data)
+        at, k = indices(model, parts), len(parts.actuators)
+        self.scale(parts)
+        command = np.zeros(len(self.command.limits))
+        source = Source(model, data, parts, at, command, np.zeros(k), self.first_phase.copy())
+        observer = Observer(self.observation, source)
+        controller = self.controller((observer.size, k), model)
+        seen = observer.observe()
+        try:
+            action = np.asarray(controller(seen), dtype=np.float64)
+        except HcbfError:
+            raise
+        except Exception as error:  # a user's own function
+            raise InvalidInputError(
+                f"policy: {self.policy} raised {type(error).__name__}: {error}"
+            ) from error
+        if action.shape != (k,) or not np.isfinite(action).all():
+            raise InvalidInputError(
+                f"policy: got {action.tolist()} at the start, expected {k} finite numbers, one for "
+                f"each of {list(parts.actuators)}"
+            )
+
+
+def response_file(self) -> Path:
         """Where what `hcbf identify` measures stands."""
         return response_file(self.source)
 
