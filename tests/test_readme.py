@@ -82,7 +82,7 @@ def test_the_readmes_code_runs_and_does_what_it_says(released, capsys):
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "arrived: True"
     assert len(said) == 1 + len(names["env"].conditions)
-    assert re.fullmatch(r"left wall, rank 1: least h \d\.\d+ m", said[1])
+    assert re.fullmatch(r"wall 1, rank 1: least h \d\.\d+ m", said[1])
     (shown,) = re.findall(r"reads `(.*?)`", read(ROOT / "README.md"))
     assert shown in said
 
