@@ -5,7 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
+from gymnasium.envs.registration import WrapperSpec
+
 from hcbf_gym import scenarios
+from hcbf_gym.errors import require_packages
 from hcbf_gym.evaluation import environments
 from hcbf_gym.evaluation.environments import Known
 from hcbf_gym.maps import floor_plans
@@ -23,4 +27,20 @@ def _files(options: Mapping[str, Any]) -> list[Path]:
     return Walker.load(options["robot"]).files
 
 
+gym.register(
+    id="HCBF-WalkerRegions-v0",
+    entry_point="hcbf_gym.registered:WalkerRegionsEnv",
+    additional_wrappers=(
+        WrapperSpec("PacedTimeLimit", "hcbf_gym.envs.time_limit:PacedTimeLimit", {}),
+    ),
+)
 environments.register("HCBF-WalkerRegions-v0", Known(None, ("robot", "body", "v_max"), _files))
+
+
+def __getattr__(name: str) -> Any:
+    if name != "WalkerRegionsEnv":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    require_packages(name, "mujoco")
+    from hcbf_gym.envs.walker_regions import WalkerRegionsEnv
+
+    return WalkerRegionsEnv
