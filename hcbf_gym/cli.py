@@ -25,7 +25,6 @@ from hcbf_gym import records
 from hcbf_gym.arguments import Subcommand
 from hcbf_gym.errors import HcbfError, choose, require
 
-
 GROUP = "hcbf.commands"
 """The group of entry points by which packages add commands: name → a dict such as `OWN`."""
 

@@ -64,8 +64,9 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
 
     ## Starting State
     At rest at the scenario's start. A family such as `scenario="random"` draws another scene at
-    every reset, and may have observation, reward and costs of its own. ``reset(options={"scenario": …, "start": (x, y)})`` sets another scene of the
-    same kind, or another start, for one episode.
+    every reset, and may have an observation, reward and costs of its own.
+    ``reset(options={"scenario": …, "start": (x, y)})`` sets another scene of the same kind, or
+    another start, for one episode.
 
     ## Episode End
     Terminated when a "reach" task's goal is within the scenario's `goal_radius`; truncated after

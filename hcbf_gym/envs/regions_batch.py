@@ -14,18 +14,17 @@ from hcbf_gym.envs.task import (
     Ranked,
     answer,
     barriers_of,
-    reference_table,
     judged,
     observed,
+    reference_table,
     reset_info,
     reward_terms,
     step_info,
 )
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.scenarios import Hooks, Moment, Scenario, Scene
-from hcbf_gym.scenarios.family import write
-
-NO_HOOKS = Hooks()
+from hcbf_gym.scenarios.family import NO_HOOKS
+from hcbf_gym.scenarios.scene import write
 
 
 class BatchStep(NamedTuple):

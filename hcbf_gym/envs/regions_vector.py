@@ -92,11 +92,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     @property
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
-        family = self._source.drawn
-        return [
-            family.scenario(scene) if family is not None and isinstance(scene, Scene) else scene
-            for scene in self._scenes
-        ]
+        return list(map(self._source.scenario, self._scenes))
 
     @property
     def rom_state(self) -> Array:

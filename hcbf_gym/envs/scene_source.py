@@ -8,7 +8,8 @@ import numpy as np
 
 from hcbf_gym import records, scenarios
 from hcbf_gym.errors import InvalidInputError, check_options
-from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike
+from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
+from hcbf_gym.scenarios.family import NO_HOOKS
 
 OPTIONS = ("scenario", "start")
 """What ``reset(options=…)`` takes: another scene, and where to start in it, for one episode."""
@@ -75,10 +76,17 @@ class SceneSource:
             return None
         return str(source) if isinstance(source, Mapping) else drawn.identity
 
+    def scenario(self, scene: Scene | Scenario) -> Scenario:
+        """Return a scene that was drawn from the environment's own family as a `Scenario`."""
+        if isinstance(scene, Scenario):
+            return scene
+        assert self.drawn is not None  # no other scenes are drawn
+        return self.drawn.scenario(scene)
+
     @property
     def hooks(self) -> Hooks:
         """What the environment does as its own family has it."""
-        return Hooks() if self.drawn is None else self.drawn.hooks
+        return NO_HOOKS if self.drawn is None else self.drawn.hooks
 
 
 def _alike(scene: Scenario) -> dict[str, object]:

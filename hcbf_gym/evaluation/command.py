@@ -228,7 +228,10 @@ def _check(args: Args) -> None:
             "file.py:function or module:function"
         )
     for name in ("robot", "body"):
-        value, takes = getattr(args, name), [e for e, k in ENVIRONMENTS.items() if name in k.options]
+        value, takes = (
+            getattr(args, name),
+            [e for e, k in ENVIRONMENTS.items() if name in k.options],
+        )
         if value != getattr(Args, name) and args.env not in takes:
             raise InvalidInputError(
                 f"--{name}: got {value!r} with {args.env}, expected --env {' or '.join(takes)}"

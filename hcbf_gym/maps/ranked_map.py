@@ -180,7 +180,7 @@ class RankedMap(Several):
         return found[: len(covers[name].sizes)]
 
     def outlines(self, region: MapClass, covered: bool = False) -> list[Array]:
-        """Return the corners (k, 2) of a class's cells in rectangles, or of what covers them [m]."""
+        """Return the corners (k, 2) of rectangles of a class's cells, or of its pieces [m]."""
         if covered:
             return self.polygons(region.name)
         return [self.grid.to_world(box) for box in boxes(region.cells)]

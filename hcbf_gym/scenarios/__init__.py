@@ -7,9 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from hcbf_gym import loading, records
-from hcbf_gym.errors import InvalidInputError, UnknownNameError, count, finite_float, instance, shown, text
+from hcbf_gym.errors import (
+    InvalidInputError,
+    UnknownNameError,
+    count,
+    finite_float,
+    instance,
+    shown,
+    text,
+)
 from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import (
+from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
+from hcbf_gym.scenarios.floor import Floor, Region, floors, name_of, register_floors
+from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
+from hcbf_gym.scenarios.scene import (
     ANGLE,
     ASPECT,
     BOX,
@@ -18,18 +29,10 @@ from hcbf_gym.scenarios.family import (
     HALF_PLANE,
     RADIUS,
     SHAPE,
-    V_MAX,
-    Draw,
-    DrawMany,
-    Family,
-    Hooks,
-    Moment,
     Scene,
     X,
     Y,
 )
-from hcbf_gym.scenarios.floor import Floor, Region, floors, name_of, register_floors
-from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 
 __all__ = [
     "ANGLE",
@@ -83,7 +86,7 @@ def register(
     v_max: float | None = V_MAX,
     draw_many: DrawMany | None = None,
     floor: Callable[[], Floor] | None = None,
-    hooks: Hooks = Hooks(),  # noqa: B008 - immutable
+    hooks: Hooks = NO_HOOKS,
 ) -> None:
     """Name a family of random scenes, of which environments draw one for each episode.
 
@@ -106,17 +109,23 @@ def register(
             `draw_many` fills other scenes than `draw`.
     """
     if not name or set(text("family", name)) & set(":/ "):
-        raise InvalidInputError(f"family: got {name!r}, expected a name without colon, slash, space")
+        raise InvalidInputError(
+            f"family: got {name!r}, expected a name without colon, slash, space"
+        )
     for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
         if not (callable(given) or (given is None and what != "draw")):
-            raise InvalidInputError(f"family {name!r}: {what}: got {shown(given)}, expected a function")
+            raise InvalidInputError(
+                f"family {name!r}: {what}: got {shown(given)}, expected a function"
+            )
     count(f"family {name!r}: shapes", shapes, minimum=0 if floor else 1)
     if v_max is not None:
         v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
     made = Family(name, draw, shapes, v_max, draw_many, floor, hooks)
     before = _FAMILIES.get(name)
     if name in _NAMED or not (before is None or before.is_from_where(made)):
-        raise InvalidInputError(f"family: got {name!r}, expected a name that is not taken: {names()}")
+        raise InvalidInputError(
+            f"family: got {name!r}, expected a name that is not taken: {names()}"
+        )
     if draw_many is not None:
         made.check_many()
     _FAMILIES[name] = made
@@ -156,8 +165,8 @@ def family_of(scenario: ScenarioLike) -> Family | None:
         loading.module("scenario", where)
         if name not in _FAMILIES:
             raise UnknownNameError(
-                f"unknown scenario: got {scenario!r}, expected one of {families()}, or that {where} "
-                f"calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
+                f"unknown scenario: got {scenario!r}, expected one of {families()}, or that "
+                f"{where} calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
             )
     return _FAMILIES.get(name)
 

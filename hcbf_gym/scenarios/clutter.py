@@ -6,9 +6,8 @@ it. So a way that enters nothing exists by construction, mostly far from the str
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.family import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
 
 CLEAR = 0.45
 """Least distance between the free way and any region or wall [m]."""

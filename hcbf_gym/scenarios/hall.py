@@ -4,7 +4,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.scenarios.family import DISC, HALF_PLANE, RADIUS, Scene, X, Y
+from hcbf_gym.scenarios.scene import DISC, HALF_PLANE, RADIUS, Scene
 
 WALLS = 2
 """The first shapes of a scene in a hall."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.family import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
 
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair

@@ -9,7 +9,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.family import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
 
 CLEAR = 0.7
 """Least distance between the free way and anything [m], and half of the narrowest door."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.family import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
 
 PASSAGE = 1.0
 """Least passage beside a trap, and between the two [m]."""

@@ -1,4 +1,4 @@
-"""A family that only this test knows: environments, filters, evaluation and certificates take it."""
+"""A family that only this test knows: environments, evaluation and certificates take it."""
 
 import json
 from pathlib import Path

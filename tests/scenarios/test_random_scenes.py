@@ -11,7 +11,8 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
-from hcbf_gym.scenarios import clutter, family, hall, random_scenes, rooms, traps
+from hcbf_gym.scenarios import clutter, hall, random_scenes, rooms, traps
+from hcbf_gym.scenarios import scene as columns
 
 NAMES = [name for name in scenarios.families() if not name.startswith("map-")]
 HALLS = ("random", "random-moving", "random-wide")
@@ -99,7 +100,7 @@ def test_several_regions_of_several_priorities_stand_in_the_hall():
     for seed in SEEDS:
         scenario = scene(seed)
         half_width = -scenario.barriers[0].offset
-        inside = np.abs(regions(seed)[:, family.Y]) < half_width
+        inside = np.abs(regions(seed)[:, columns.Y]) < half_width
         counts.add(int(inside.sum()))
         assert {1, 2} <= set(ranks()[inside].tolist())
     assert counts == {2, 3, 4, 5}
@@ -171,11 +172,11 @@ def test_clutter_holds_15_to_25_regions_of_three_ranks_that_overlap():
     counts, overlaps = set(), 0
     for seed in SEEDS:
         filled = drawn(seed, "random-clutter")
-        inside = np.abs(filled.shapes[2:, family.Y]) < 1.0 - filled.shapes[0, family.RADIUS]
+        inside = np.abs(filled.shapes[2:, columns.Y]) < 1.0 - filled.shapes[0, columns.RADIUS]
         counts.add(int(inside.sum()))
         assert {1, 2, 3} == set(filled.ranks[2:][inside].tolist())
         discs = filled.shapes[2:][inside]
-        at, radius = discs[:, [family.X, family.Y]], discs[:, family.RADIUS]
+        at, radius = discs[:, [columns.X, columns.Y]], discs[:, columns.RADIUS]
         apart = np.linalg.norm(at[:, None] - at[None], axis=2)
         reach = radius[:, None] + radius
         overlaps += int(((apart < 0.7 * reach).sum() - len(discs)) // 2)
@@ -185,9 +186,9 @@ def test_clutter_holds_15_to_25_regions_of_three_ranks_that_overlap():
 
 @pytest.mark.parametrize("kind", ["disc", "ellipse", "polygon", "box"])
 def test_every_shape_occurs_in_a_family(kind):
-    code = {"disc": family.DISC, "ellipse": family.ELLIPSE, "box": family.BOX}.get(kind)
+    code = {"disc": columns.DISC, "ellipse": columns.ELLIPSE, "box": columns.BOX}.get(kind)
     names = ("random-clutter", "random-traps")
-    shapes = {float(s) for name in names for s in regions(0, name)[:, family.SHAPE]}
+    shapes = {float(s) for name in names for s in regions(0, name)[:, columns.SHAPE]}
     assert code in shapes if code is not None else max(shapes) >= 3.0
 
 
@@ -208,14 +209,14 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
     assert 2.0 * env.plant.uncertainty.body + 0.2 < random_scenes.WIDE_GAP
     for seed in SEEDS:
         near, wide = regions(seed), regions(seed, "random-wide")
-        near_half, half = (-drawn(seed, n).shapes[0, family.RADIUS] for n in HALLS[::2])
+        near_half, half = (-drawn(seed, n).shapes[0, columns.RADIUS] for n in HALLS[::2])
         np.testing.assert_allclose(half - near_half, random_scenes.WIDE_GAP - 0.8)
-        shape = [family.SHAPE, family.ANGLE, family.ASPECT]
+        shape = [columns.SHAPE, columns.ANGLE, columns.ASPECT]
         np.testing.assert_array_equal(wide[:, shape], near[:, shape])
-        within = np.abs(wide[:, family.Y]) < half
+        within = np.abs(wide[:, columns.Y]) < half
         clear = half - random_scenes.WIDE_GAP + 1e-12
         strict = within & (ranks() == 1)
-        reach = np.abs(wide[:, family.Y]) + wide[:, family.RADIUS]
+        reach = np.abs(wide[:, columns.Y]) + wide[:, columns.RADIUS]
         assert strict.any()
         assert (reach[strict] <= clear).all()
 
@@ -225,8 +226,8 @@ def test_a_floor_has_doors_open_and_shut_and_differs_in_every_episode():
     for seed in SEEDS:
         layout = drawn(seed, "random-map")
         walls = regions(seed, "random-map")[2 : 2 + rooms.INNER]
-        lengths = 2.0 * walls[: 2 * rooms.COLUMNS, family.RADIUS].reshape(rooms.COLUMNS, 2)
-        apart = np.diff(walls[: 2 * rooms.COLUMNS, family.X].reshape(rooms.COLUMNS, 2))[:, 0]
+        lengths = 2.0 * walls[: 2 * rooms.COLUMNS, columns.RADIUS].reshape(rooms.COLUMNS, 2)
+        apart = np.diff(walls[: 2 * rooms.COLUMNS, columns.X].reshape(rooms.COLUMNS, 2))[:, 0]
         gaps = apart - lengths.mean(axis=1)
         assert ((np.abs(gaps) < 1e-9) | (gaps > 2.0 * rooms.CLEAR - 1e-9)).all()
         shut.add(int((gaps < 1e-9).sum()))
