@@ -8,7 +8,6 @@ through ranked regions.
 from typing import TYPE_CHECKING
 
 import gymnasium as gym
-from gymnasium.envs.registration import WrapperSpec
 
 from hcbf_gym import lazily, sources, version
 from hcbf_gym.drawing.headless import prefer_egl
@@ -71,10 +70,5 @@ gym.register(
     entry_point="hcbf_gym.envs:A1RegionsEnv",
     max_episode_steps=1000,
 )
-gym.register(
-    id="HCBF-WalkerRegions-v0",
-    entry_point="hcbf_gym.envs:WalkerRegionsEnv",
-    additional_wrappers=(
-        WrapperSpec("PacedTimeLimit", "hcbf_gym.envs.time_limit:PacedTimeLimit", {}),
-    ),
-)
+
+from hcbf_gym import registered  # noqa: E402, F401

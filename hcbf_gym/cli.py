@@ -13,7 +13,8 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from importlib import metadata
+from typing import Annotated, Any, get_type_hints
 
 import docstring_parser
 import tyro
@@ -21,48 +22,15 @@ from threadpoolctl import threadpool_limits
 
 from hcbf_gym import arguments as ranges
 from hcbf_gym import records
+from hcbf_gym.arguments import Subcommand
 from hcbf_gym.errors import HcbfError, choose, require
 
+GROUP = "hcbf.commands"
+"""The group of entry points by which packages add commands: name → a dict such as `OWN`."""
 
-class Subcommand(NamedTuple):
-    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring.
-
-    Attributes:
-        module: imported when the command is called, not before.
-        does: one line for the list of commands.
-        extra: the extra that brings what it needs, where it needs more than the core.
-        needs: the modules of that extra that must be there.
-    """
-
-    module: str
-    does: str
-    extra: str = ""
-    needs: tuple[str, ...] = ()
-
-
-COMMANDS = {
+OWN = {
     "evaluate": Subcommand(
         "hcbf_gym.evaluation.command", "policies × programs: table, figures, summary.json, videos"
-    ),
-    "certify": Subcommand(
-        "hcbf_gym.evaluation.certification.command",
-        "how often a plant enters rank 1 at most: margins measured, then a bound",
-    ),
-    "identify": Subcommand(
-        "hcbf_gym.studies.identification.command",
-        "how a robot follows the velocities that it is commanded",
-    ),
-    "reproduce": Subcommand(
-        "hcbf_gym.studies.reproduction.command",
-        "every figure of the paper, and its claims as true or false",
-        "studies",
-        ("optuna",),
-    ),
-    "tune": Subcommand(
-        "hcbf_gym.studies.tuning.command",
-        "the weights (γ₀, Δγ) by sampling",
-        "studies",
-        ("optuna",),
     ),
     "train": Subcommand(
         "hcbf_gym.studies.training.command",
@@ -70,19 +38,17 @@ COMMANDS = {
         "rl",
         ("stable_baselines3",),
     ),
-    "ros": Subcommand(
-        "hcbf_gym.ros.command", "a ROS 2 node in the place of Nav2's collision monitor"
-    ),
-    "ros-sim": Subcommand(
-        "hcbf_gym.ros.simulated", "a simulated robot on a real one's topics, for the node"
-    ),
-    "play": Subcommand(
-        "hcbf_gym.play.command",
-        "a playground in the browser: steer, drag regions, push",
-        "play",
-        ("viser",),
-    ),
 }
+"""name → command of this package."""
+
+
+def commands() -> dict[str, Subcommand]:
+    """Return name → command: those of this package, then those of installed packages."""
+    found = dict(OWN)
+    for point in sorted(metadata.entry_points(group=GROUP), key=lambda point: point.name):
+        found |= point.load()
+    return found
+
 
 READS = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
 """How commands read their arguments: one that is not given has no spelling of its own."""
@@ -100,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     name, *rest = arguments
     try:
-        command = choose("command", name, COMMANDS)
+        command = choose("command", name, commands())
         require(f"hcbf {name}", command.extra, *command.needs)
     except HcbfError as error:
         sys.exit(f"error: {error}")
@@ -190,8 +156,9 @@ def _warning(message: Warning | str, *_: object, **__: object) -> str:
 
 
 def _overview() -> str:
-    width = max(map(len, COMMANDS))
-    lines = [f"  {name:{width}}  {command.does}" for name, command in COMMANDS.items()]
+    known = commands()
+    width = max(map(len, known))
+    lines = [f"  {name:{width}}  {command.does}" for name, command in known.items()]
     return "\n".join(["usage: hcbf COMMAND [arguments]", "", str(__doc__), *lines])
 
 

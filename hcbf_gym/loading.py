@@ -66,8 +66,26 @@ def files(name: str) -> list[Path]:
         if origin is None:
             return []
         first = Path(origin)
-    reached = sources.reached([first])
-    return sorted(file for file in reached if not file.is_relative_to(sources.PACKAGE))
+    return sources.of_user(first)
+
+
+def module(what: str, where: str) -> ModuleType:
+    """Return the module that a file or a module's name stands for.
+
+    Args:
+        what: is named, for messages.
+        where: the name, or ``file.py``.
+
+    Raises:
+        InvalidInputError: if there is none, or it raises an error.
+    """
+    try:
+        return _module(where)
+    except Exception as error:  # whatever a user's module raises while it is imported
+        raise InvalidInputError(
+            f"{what}: got {where!r} ({type(error).__name__}: {error}), expected a file or module "
+            "that can be imported"
+        ) from error
 
 
 _opened: dict[ModuleType, dict[str, str]] = {}

@@ -77,6 +77,11 @@ def reached(files: Iterable[Path]) -> set[Path]:
     return found
 
 
+def of_user(file: Path) -> list[Path]:
+    """Return a file and what it imports, without this package."""
+    return sorted(one for one in reached([file]) if not one.is_relative_to(PACKAGE))
+
+
 @functools.cache
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()

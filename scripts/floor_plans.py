@@ -1,6 +1,6 @@
 """Draw the floor plans that ship with the package, as map files of Nav2, from rectangles in metres.
 
-`python scripts/floor_plans.py` writes `hcbf_gym/scenarios/plans/`; a test holds the two together.
+`python scripts/floor_plans.py` writes `hcbf_gym/maps/plans/`; a test holds the two together.
 """
 
 import sys
@@ -16,7 +16,7 @@ Rectangle = tuple[float, float, float, float]
 """Least x and y, greatest x and y [m]."""
 Image8 = NDArray[np.uint8]
 
-FOLDER = Path(__file__).parents[1] / "hcbf_gym" / "scenarios" / "plans"
+FOLDER = Path(__file__).parents[1] / "hcbf_gym" / "maps" / "plans"
 RESOLUTION = 0.05
 """Side of a cell [m]."""
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0

@@ -460,9 +460,6 @@ def calls() -> dict[str, Call]:
         "scenarios.make": Call(
             scenarios.make, given(scenario="random", rng=np.random.default_rng(0))
         ),
-        "scenarios.draw": Call(
-            scenarios.draw, given(scenario="random", rng=np.random.default_rng(0))
-        ),
         "scenarios.from_dict": Call(scenarios.from_dict, given(data=scene().to_dict())),
         "scenarios.load": Call(scenarios.load, given(path="nowhere.json")),
         "scenarios.is_random": Call(scenarios.is_random, given(scenario="random")),

@@ -10,9 +10,9 @@ import pytest
 from hcbf_gym import cli
 
 
-@pytest.mark.parametrize("name", cli.COMMANDS)
+@pytest.mark.parametrize("name", cli.commands())
 def test_help_describes_each_argument_and_shows_no_default_that_python_alone_knows(name, capsys):
-    command = cli.COMMANDS[name]
+    command = cli.commands()[name]
     for module in command.needs:
         pytest.importorskip(module)
     with pytest.raises(SystemExit):

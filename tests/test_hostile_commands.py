@@ -120,7 +120,7 @@ def commands():
     """Return the names of the commands whose extras are installed."""
     return [
         name
-        for name, command in cli.COMMANDS.items()
+        for name, command in cli.commands().items()
         if all(importlib.util.find_spec(module) for module in command.needs)
     ]
 
@@ -151,7 +151,7 @@ def test_what_no_argument_may_be_is_refused_in_one_line(name, tmp_path, monkeypa
     inside = tmp_path / "inside"
     inside.mkdir()
     monkeypatch.chdir(inside)
-    module = importlib.import_module(cli.COMMANDS[name].module)
+    module = importlib.import_module(cli.commands()[name].module)
     for where, attribute in WORK.get(name, ()):
         if name != "ros-sim" or importlib.util.find_spec("rclpy"):
             work = importlib.import_module(f"hcbf_gym.{where}")
@@ -196,7 +196,7 @@ def test_there_are_200_such_calls():
 
 @pytest.mark.parametrize("name", commands())
 def test_each_number_has_a_range_and_each_place_to_write_to_is_marked(name):
-    module = importlib.import_module(cli.COMMANDS[name].module)
+    module = importlib.import_module(cli.commands()[name].module)
     for argument in arguments_of(module.Args):
         if {int, float} & set(argument.kinds) and f"{name} {argument.flag}" not in ANY_FINITE:
             assert any(isinstance(mark, Range) for mark in argument.marks), argument.flag

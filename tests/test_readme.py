@@ -20,7 +20,7 @@ from benchmarks.__main__ import PICTURES
 from benchmarks.pictures import gallery
 from benchmarks.registry import SUITES
 from hcbf_gym import cli, scenarios
-from hcbf_gym.cli import COMMANDS
+from hcbf_gym.cli import commands
 from hcbf_gym.errors import MissingDependencyError
 from hcbf_gym.wrappers import SafetyFilter
 
@@ -82,7 +82,7 @@ def test_the_readmes_code_runs_and_does_what_it_says(released, capsys):
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "arrived: True"
     assert len(said) == 1 + len(names["env"].conditions)
-    assert re.fullmatch(r"left wall, rank 1: least h \d\.\d+ m", said[1])
+    assert re.fullmatch(r"wall 1, rank 1: least h \d\.\d+ m", said[1])
     (shown,) = re.findall(r"reads `(.*?)`", read(ROOT / "README.md"))
     assert shown in said
 
@@ -149,7 +149,7 @@ def test_a_how_to_does_what_it_shows_from_top_to_bottom(name, tmp_path, monkeypa
             program, *rest = shlex.split(line, comments=True) or [""]
             assert program == "hcbf", line
             if rest[0] in UNTIL:
-                begin(COMMANDS[rest[0]].module, rest[1:], monkeypatch)
+                begin(commands()[rest[0]].module, rest[1:], monkeypatch)
             else:
                 cli.main([*rest, *(["--workers", "1", "--overwrite"] * (rest[0] == "evaluate"))])
 
@@ -180,7 +180,7 @@ def begin(name, words, monkeypatch):
         raise BegunError
 
     module = importlib.import_module(name)
-    command = next(key for key, one in COMMANDS.items() if one.module == name)
+    command = next(key for key, one in commands().items() if one.module == name)
     args = tyro.cli(module.Args, args=words)
     with monkeypatch.context() as patched:
         for place in UNTIL.get(command, ("evaluate",)):
@@ -238,9 +238,9 @@ def shown_commands(page):
             case ["python", script, *rest]:
                 called = re.search(r'main\(\["([a-z-]+)"', (ROOT / script).read_text("utf-8"))
                 if called:
-                    yield COMMANDS[called[1]].module, rest
+                    yield commands()[called[1]].module, rest
             case ["hcbf", name, *rest]:
-                yield COMMANDS[name].module, rest
+                yield commands()[name].module, rest
 
 
 ON_PAGES = sorted({

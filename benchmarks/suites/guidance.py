@@ -277,7 +277,9 @@ def _figures(cell: Cell, without: Outcome | None, with_it: Outcome) -> dict[str,
 def cost(quick: bool) -> list[dict[str, Any]]:
     """Return the processor time of a scene's field [ms] and of a row [µs], medians over scenes."""
     figures = []
-    for scene in scenarios.RANDOM:
+    for scene in scenarios.families():
+        if scene.startswith("map-"):
+            continue
         scenes = [
             scenarios.make(scene, np.random.default_rng(n)) for n in range(5 if quick else 50)
         ]

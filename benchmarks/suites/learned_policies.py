@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from hcbf_gym import policies, wrappers
+from hcbf_gym import policies, scenarios, wrappers
 from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_share
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker, Policy, learned
-from hcbf_gym.scenarios.random_scenes import PRIORITIES
 
 SCENARIO = "random"
 FIRST_SEED = 100_000
@@ -30,7 +29,7 @@ FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
     "lex-cbf-qp, guided": ("lex-cbf-qp", {"guidance": "geodesic"}),
 }
 """label → program and options."""
-PRIORITY = np.array([1, 1, *PRIORITIES])  # the walls, then the regions
+PRIORITY = np.array([barrier.priority for barrier in scenarios.make("random").barriers])
 _OF = [rank == PRIORITY for rank in (1, 2, 3)]
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Oval, Shape, Wall
 from hcbf_gym.drawing import palette
-from hcbf_gym.maps import RankedMap
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Floor, Scenario
 
 Color = tuple[float, float, float, float]
 
@@ -108,12 +107,12 @@ def _draw_barrier(scene: mujoco.MjvScene, barrier: Barrier, t: float) -> None:
         _draw_polygon(scene, drawn + shift, height, color)
 
 
-def _draw_map(scene: mujoco.MjvScene, ranked: RankedMap, position: Array) -> None:
+def _draw_map(scene: mujoco.MjvScene, ranked: Floor, position: Array) -> None:
     """Draw the pieces of a map around the robot, the highest ranks on top."""
     for one in sorted(ranked.classes, key=lambda c: -c.rank):
         color = palette.rgba(palette.paler(palette.priority_color(one.rank)))
         height = max(1.0, 5.0 - one.rank) * _LAYER
-        for corners in ranked.polygons(one.name) if one.kind != "speed" else ():
+        for corners in ranked.outlines(one, covered=True) if one.limit is None else ():
             nearest = np.clip(position, corners.min(axis=0), corners.max(axis=0))
             if math.dist(nearest, position) < _MAP_SEEN:
                 _draw_polygon(scene, corners, height, color)

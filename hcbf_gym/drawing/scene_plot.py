@@ -16,9 +16,7 @@ from scipy.ndimage import distance_transform_edt
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
 from hcbf_gym.drawing import palette
-from hcbf_gym.maps import RankedMap
-from hcbf_gym.maps.cover import boxes
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Floor, Scenario
 
 _FAR = 100.0
 _NAMED = 4  # regions of a rank that a legend names
@@ -126,7 +124,7 @@ def _draw_level(axes: Axes, barrier: Barrier, t: float, x: Array, color: str) ->
     ]
 
 
-def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
+def draw_map(axes: Axes, ranked: Floor, covered: bool = False) -> None:
     """Draw the cells of a map by their ranks, the highest on top, and zones hatched.
 
     Args:
@@ -134,20 +132,17 @@ def draw_map(axes: Axes, ranked: RankedMap, covered: bool = False) -> None:
         ranked: the map.
         covered: whether to draw the pieces that cover the cells instead of these.
     """
-    for one in sorted(ranked.classes, key=lambda c: (c.kind != "speed", -c.rank)):
+    for one in sorted(ranked.classes, key=lambda c: (c.limit is None, -c.rank)):
         color = palette.priority_color(one.rank)
         style: dict[str, Any] = {
             "facecolor": palette.paler(color, 0.6),
             "lw": 0.0,
             "zorder": 0.9,
         }
-        if one.kind == "speed":
+        if one.limit is not None:
             style |= {"facecolor": "none", "edgecolor": color, "hatch": "..."}
-        if covered:
-            shapes, edge = ranked.polygons(one.name), {"edgecolor": color, "lw": 0.6}
-        else:
-            shapes, edge = [ranked.grid.to_world(box) for box in boxes(one.cells)], {}
-        axes.add_collection(PolyCollection(shapes, **(style | edge)))
+        edge = {"edgecolor": color, "lw": 0.6} if covered else {}
+        axes.add_collection(PolyCollection(ranked.outlines(one, covered), **(style | edge)))
 
 
 def rank_patches(barriers: Iterable[Barrier | Shapes], named_in_place: bool) -> list[Patch]:

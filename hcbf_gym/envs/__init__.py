@@ -9,18 +9,16 @@ if TYPE_CHECKING:
     from hcbf_gym.envs.a1_regions import A1RegionsEnv
     from hcbf_gym.envs.regions import RegionsEnv
     from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-    from hcbf_gym.envs.walker_regions import WalkerRegionsEnv
 
-__all__ = ["A1RegionsEnv", "RegionsEnv", "RegionsVectorEnv", "WalkerRegionsEnv"]
+__all__ = ["A1RegionsEnv", "RegionsEnv", "RegionsVectorEnv"]
 
-_NEEDS = {"A1RegionsEnv": ("mujoco", "pinocchio"), "WalkerRegionsEnv": ("mujoco",)}
+_NEEDS = {"A1RegionsEnv": ("mujoco", "pinocchio")}
 _find = lazily.names_of(
     __name__,
     {
         "A1RegionsEnv": "a1_regions",
         "RegionsEnv": "regions",
         "RegionsVectorEnv": "regions_vector",
-        "WalkerRegionsEnv": "walker_regions",
     },
 )
 

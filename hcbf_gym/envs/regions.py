@@ -63,9 +63,10 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     reached. Both: `reward_effort` = −10⁻³‖u‖². Safety is not in the reward but in `info["cost"]`.
 
     ## Starting State
-    At rest at the scenario's start. `scenario="random"` (or "random-moving") draws another scene
-    at every reset. ``reset(options={"scenario": …, "start": (x, y)})`` sets another scene of the
-    same kind, or another start, for one episode.
+    At rest at the scenario's start. A family such as `scenario="random"` draws another scene at
+    every reset, and may have an observation, reward and costs of its own.
+    ``reset(options={"scenario": …, "start": (x, y)})`` sets another scene of the same kind, or
+    another start, for one episode.
 
     ## Episode End
     Terminated when a "reach" task's goal is within the scenario's `goal_radius`; truncated after
@@ -104,9 +105,9 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         self.render_mode = render_mode
         self._scenes = SceneSource(scenario)
         self.scenario = self._scenes.own
-        self._batch = RegionsBatch([self.scenario])
+        self._batch = RegionsBatch([self.scenario], hooks=self._scenes.hooks)
         self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
-        self.observation_space: spaces.Space = task.observation_space(len(self.scenario.conditions))
+        self.observation_space: spaces.Space = task.observation_space(self._batch.look()[0])
         self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
         self._family = self._scenes.family({})

@@ -12,16 +12,19 @@ from hcbf_gym.envs.task import (
     PHYSICS_DT,
     SUBSTEPS,
     Ranked,
+    answer,
     barriers_of,
+    judged,
+    observed,
     reference_table,
     reset_info,
     reward_terms,
     step_info,
 )
 from hcbf_gym.models.reduced_order import double_integrator_step
-from hcbf_gym.scenarios import Scenario
-from hcbf_gym.scenarios.floor_plans import Route
-from hcbf_gym.scenarios.hall import Layout
+from hcbf_gym.scenarios import Hooks, Moment, Scenario, Scene
+from hcbf_gym.scenarios.family import NO_HOOKS
+from hcbf_gym.scenarios.scene import write
 
 
 class BatchStep(NamedTuple):
@@ -61,6 +64,7 @@ class RegionsBatch:
         scenes: N scenarios of one task and one number of barriers.
         own_references: whether each has a reference table of its own, as `set_scene` needs it;
             False where all scenes are the same until `separate` is called.
+        hooks: observation, reward and costs of a family's own.
 
     Attributes:
         x: (N, 4) positions [m] and velocities [m/s].
@@ -68,8 +72,10 @@ class RegionsBatch:
         barrier_set: the N scenes' barriers, the environment's speed limit last.
     """
 
-    def __init__(self, scenes: list[Scenario], own_references: bool = True):
-        self.task = scenes[0].task
+    def __init__(
+        self, scenes: list[Scenario], own_references: bool = True, hooks: Hooks = NO_HOOKS
+    ):
+        self.task, self._hooks = scenes[0].task, hooks
         self.n_barriers = len(scenes[0].conditions)
         corners = scenes[0].input_set.vertices()
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
@@ -98,12 +104,12 @@ class RegionsBatch:
         self._goal_radius[i] = scene.goal_radius
         self._start[i] = scene.start
 
-    def set_drawn(self, i: int, drawn: Layout | Route) -> None:
+    def set_drawn(self, i: int, drawn: Scene) -> None:
         """Put another random scene into environment `i`, as `set_scene` does but 50 times faster.
 
         All scenes must be of one family, so that what is not drawn stays.
         """
-        drawn.write(self.barrier_set.kind[i], self.barrier_set.parameters[i])
+        write(drawn, i, self.barrier_set)
         self._references.tables[i, 0, :2] = drawn.goal
         self._start[i] = drawn.start
 
@@ -134,17 +140,33 @@ class RegionsBatch:
         """What costs are counted by, with as many ranks as at the construction."""
         return Ranked.of(self.barrier_set, self._ranks)
 
-    def look(self) -> tuple[Array, Array, Array]:
-        """Return the observation (N, 8 + 4 m), h (N, m) and the tracking error (N,)."""
+    def look(self) -> tuple[Array, Array, Array, Array]:
+        """Return the observation (N, 8 + 4 m), h (N, m), the tracking error (N,), what is sensed.
+
+        The last is (N, m, 4), see `BarrierSet.sense`.
+        """
         h, sensed = self.barrier_set.sense(self.x, self.time)
         observation, error = np.empty((len(h), 8 + 4 * self.n_barriers)), np.empty(len(h))
         _core.regions_observe(self._references, self.x, self.steps, sensed, observation, error)
-        return observation, h, error
+        if self._hooks.observe is not None:
+            seen = sensed[:, : self.n_barriers]
+            observation = observed(self._hooks, self.x, self._reference(), seen)
+        return observation, h, error, sensed
+
+    def _reference(self) -> Array:
+        """Return (N, 6) the references' position, velocity and acceleration now."""
+        tables, of, last = self._references
+        return tables[of, np.minimum(self.steps, last)]
 
     def reset_infos(self) -> tuple[Array, dict[str, Array]]:
-        """Return the observation (N, 8 + 4 m) and the infos of a reset."""
-        observation, h, error = self.look()
-        return observation, reset_info(self.task, h, self._ranked, error)
+        """Return the observation (N, n) and the infos of a reset."""
+        observation, h, error, sensed = self.look()
+        info, hooks = reset_info(self.task, h, self._ranked, error, self._hooks), self._hooks
+        if hooks.costs is not None:
+            seen, still = sensed[:, : self.n_barriers], np.zeros((len(h), 2))
+            moment = Moment(self.x, self.x, self._reference(), seen, h, still)
+            info["costs"] = answer("costs", hooks.costs(moment), len(h), 2)
+        return observation, info
 
     def step(self, action: Array, restarting: Mask | None = None) -> BatchStep:
         """Advance every environment by one control step under ``u = clip(action, U's bounds)``.
@@ -155,31 +177,37 @@ class RegionsBatch:
                 reward.
         """
         u = np.minimum(np.maximum(action, self.low), self.high)
-        scene = self.barrier_set
-        start = self.x.copy() if scene.own else self.x
+        scene, hooks = self.barrier_set, self._hooks
+        start = self.x.copy() if scene.own or hooks.sees_steps else self.x
         min_h, distance_before = np.empty(scene.kind.shape), np.empty(len(u))
         _core.regions_advance(
             scene.kind, scene.parameters, scene.atlas.numbers, self._references, self.x, self.steps,
             u, self._v_max, min_h, distance_before,
         )  # fmt: skip
         if self.barrier_set.own:
-            self._look_at_own(start, u, min_h)
+            self._look_at_own(start.copy(), u, min_h)
         self.steps += 1
         if restarting is not None:
             self.restart(restarting)
-        observation, h, error = self.look()
+        observation, h, error, sensed = self.look()
         success = (error <= self._goal_radius) & (self.steps >= self._references.last)
         if restarting is not None:
             success[restarting] = False
+            min_h[restarting] = h[restarting]
         reached = success & (self.task == "reach")
         terms = reward_terms(self.task, distance_before, error, reached, u)
+        info = step_info(h, min_h, self._ranked, error, success)
+        if hooks.sees_steps:
+            if restarting is not None:
+                start[restarting], u[restarting] = self.x[restarting], 0.0
+            seen = sensed[:, : self.n_barriers]
+            moment = Moment(start, self.x, self._reference(), seen, min_h, u)
+            terms, costs = judged(hooks, moment, terms, info["costs"])
+            info["costs"] = costs
         if restarting is not None:
-            min_h[restarting] = h[restarting]
             for term in terms.values():
                 term[restarting] = 0.0
-        return BatchStep(
-            observation, terms, reached, step_info(h, min_h, self._ranked, error, success)
-        )
+        return BatchStep(observation, terms, reached, info)
 
     def _look_at_own(self, x: Array, u: Array, min_h: Array) -> None:
         """Write the least values of users' own barriers on the way from x (N, 4), in Python."""

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hcbf_gym import certificates, scenarios
+from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.certificates import Judged
@@ -22,7 +22,7 @@ from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array, count
 from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.scenarios import Layout, Route, Scenario, ScenarioLike
+from hcbf_gym.scenarios import Scenario, ScenarioLike, Scene
 
 FRAME = 240
 """Side of the picture of one environment [pixels]."""
@@ -73,8 +73,9 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._source = SceneSource(scenario)
         self.scenario = self._source.own
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
-        self._scenes: list[Layout | Route | Scenario] = [self.scenario] * num_envs
-        self._batch = RegionsBatch([self.scenario] * num_envs, own_references=self._source.random)
+        self._scenes: list[Scene | Scenario] = [self.scenario] * num_envs
+        drawn, hooks = self._source.drawn is not None, self._source.hooks
+        self._batch = RegionsBatch([self.scenario] * num_envs, own_references=drawn, hooks=hooks)
         self._given = np.zeros(num_envs, dtype=np.bool_)
         self._families = [self._source.family({})] * num_envs
         self._found = certificates.nearest(self.declared)
@@ -84,17 +85,14 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
         self._view: Any = None
         self.single_action_space = task.action_space(self.scenario.input_set)
-        self.single_observation_space = task.observation_space(len(self.scenario.conditions))
+        self.single_observation_space = task.observation_space(self._batch.look()[0])
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
     @property
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
-        return [
-            scene if isinstance(scene, Scenario) else scene.scenario(self.scenario.name)
-            for scene in self._scenes
-        ]
+        return list(map(self._source.scenario, self._scenes))
 
     @property
     def rom_state(self) -> Array:
@@ -250,15 +248,17 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         """Put the next scenes into the masked environments: those asked for, or their own."""
         family = self._source.family(given)
         self._families = [family if m else k for m, k in zip(mask, self._families, strict=True)]
-        if given and not self._source.random and not self._given.any():
+        if given and self._source.drawn is None and not self._given.any():
             self._batch.separate()
         for i in map(int, np.flatnonzero(mask & (self._given | bool(given)))):
             scene = self._source.next(self._rngs[i], given) if given else self.scenario
             self._scenes[i], self._given[i] = scene, bool(given)
             self._batch.set_scene(i, scene)
-        if self._source.random and not given:
-            for i in map(int, np.flatnonzero(mask)):
-                self._scenes[i] = drawn = scenarios.draw(self._source.source, self._rngs[i])
+        if self._source.drawn is not None and not given:
+            places = list(map(int, np.flatnonzero(mask)))
+            scenes = self._source.drawn.drawn([self._rngs[i] for i in places])
+            for k, i in enumerate(places):
+                self._scenes[i] = drawn = scenes.one(k)
                 self._batch.set_drawn(i, drawn)
 
     def _report(self, info: dict[str, Array]) -> Info:

@@ -26,7 +26,7 @@ from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.envs.tally import StepTally
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Moment, Scenario
 
 D = TypeVar("D", bound=Drive)
 
@@ -69,12 +69,12 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         self._started, self._steps = False, 0
         own = scenes.own
         self.action_space: spaces.Space = task.action_space(own.input_set)
-        self.observation_space: spaces.Space = task.observation_space(len(own.conditions))
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
-        self._family = scenes.family({})
+        self._family, self._hooks = scenes.family({}), scenes.hooks
         self._ranks = max(barrier.priority for barrier in own.conditions)
         self._take_scene(own)
+        self.observation_space: spaces.Space = task.observation_space(self._observe()[None])
         warn_of(known.declared["environment"], known.nearest.judged)
 
     @property
@@ -165,8 +165,13 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         self._estimate, self._fallen = self.drive.estimate(0.0), self.simulation.fallen
         ranked = task.Ranked.of(self.barrier_set, self._ranks)
         distance = np.array([self._distance])
-        info = task.first(task.reset_info(self.scenario.task, h, ranked, distance))
-        return self._observe(), self._with_body(info | self._info_of(motion))
+        given = task.reset_info(self.scenario.task, h, ranked, distance, self._hooks)
+        info = self._with_body(task.first(given) | self._info_of(motion))
+        if self._hooks.costs is not None:
+            x = self._estimate.x
+            costs = self._hooks.costs(self._moment(x, h[0], np.zeros(2)))
+            info["costs"] = task.answer("costs", costs, 1, 2)[0]
+        return self._observe(), info
 
     def change_scene(self, scenario: Scenario) -> None:
         """Move, resize or rank regions anew in the midst of an episode.
@@ -184,7 +189,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         low, high = self._bounds
         u = np.minimum(np.maximum(task.check_action(action, (2,)), low), high)
         task.check_started(self._started)
-        drive, scene = self.drive, self.barrier_set
+        drive, scene, known = self.drive, self.barrier_set, self._estimate
         motion = drive.hold(u, scene, self.time)
         self._steps += 1
         self._estimate = drive.estimate(self.time)
@@ -199,12 +204,16 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         counted = self._tally.count(
             scene, motion, self._estimate, reference, u, (before, distance), success
         )
-        info = counted.info
-        info = self._with_body(info | self._info_of(motion))
+        info = self._with_body(counted.info | self._info_of(motion))
+        observation, reward, hooks = counted.observation, counted.reward, self._hooks
+        if hooks.observe is not None:
+            observation = self._observe()
+        if hooks.sees_steps:
+            reward = self._judge(info, self._moment(known.x, info["min_h"], u))
         if self.render_mode == "human":
             self.render()
         ended = self._stopped() or (success and self.scenario.task == "reach")
-        return counted.observation, counted.reward, ended, False, info
+        return observation, reward, ended, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return an (480, 640, 3) picture, or show the scene in a window."""
@@ -265,9 +274,28 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         return self._references[min(self._steps, len(self._references) - 1)]
 
     def _observe(self) -> Array:
+        x, reference, sensed = self._estimate.x[None], self._reference()[None], self._sensed()
+        if self._hooks.observe is not None:
+            return task.observed(self._hooks, x, reference, sensed)[0]
+        return task.observe(x, reference, sensed)[0]
+
+    def _sensed(self) -> Array:
+        """Return (1, m, 4) what a policy sees of the scene's conditions."""
+        _, sensed = self.barrier_set.sense(self._estimate.x[None], np.array([self.time]))
+        return sensed[:, : len(self.scenario.conditions)]
+
+    def _moment(self, before: Array, min_h: Array, u: Array) -> Moment:
+        """Return what hooks see of a step, or of a reset."""
         x, reference = self._estimate.x[None], self._reference()[None]
-        _, sensed = self.barrier_set.sense(x, np.array([self.time]))
-        return task.observe(x, reference, sensed, len(self.scenario.conditions))[0]
+        return Moment(before[None], x, reference, self._sensed(), min_h[None], u[None])
+
+    def _judge(self, info: Info, moment: Moment) -> float:
+        """Put the reward and the costs of a family's own into infos; return the reward."""
+        terms = {name: np.array([info.pop(name)]) for name in task.REWARD_TERMS[self.scenario.task]}
+        terms, costs = task.judged(self._hooks, moment, terms, info["costs"][None])
+        info |= task.first(terms)
+        info["costs"] = costs[0]
+        return float(sum(term[0] for term in terms.values()))
 
     def _with_body(self, info: Info) -> Info:
         """Return the infos with the costs of the whole robot, where it must stay outside."""

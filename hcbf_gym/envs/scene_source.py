@@ -8,7 +8,8 @@ import numpy as np
 
 from hcbf_gym import records, scenarios
 from hcbf_gym.errors import InvalidInputError, check_options
-from hcbf_gym.scenarios import Scenario, ScenarioLike
+from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
+from hcbf_gym.scenarios.family import NO_HOOKS
 
 OPTIONS = ("scenario", "start")
 """What ``reset(options=…)`` takes: another scene, and where to start in it, for one episode."""
@@ -25,12 +26,12 @@ class SceneSource:
 
     Attributes:
         own: the scene that fixes task, inputs, boxes and number of barriers for good.
-        random: whether each episode has another scene.
+        drawn: the family that each episode has another scene of; None for always the same.
     """
 
     def __init__(self, source: ScenarioLike):
         self.source = source
-        self.random = scenarios.is_random(source)
+        self.drawn = scenarios.family_of(source)
         self.own = scenarios.make(source, np.random.default_rng(0))
 
     def check(self, options: Mapping[str, object] | None) -> Mapping[str, Any]:
@@ -59,7 +60,7 @@ class SceneSource:
             options: as `check` returned them.
         """
         scene = self.own
-        if "scenario" in options or self.random:
+        if "scenario" in options or self.drawn is not None:
             scene = scenarios.make(options.get("scenario", self.source), rng)
         return replace(scene, start=options["start"]) if "start" in options else scene
 
@@ -70,8 +71,22 @@ class SceneSource:
             options: as `check` returned them.
         """
         source = options.get("scenario", self.source)
-        drawn = scenarios.is_random(source) and "start" not in options
-        return str(source) if drawn else None
+        drawn = scenarios.family_of(source) if "scenario" in options else self.drawn
+        if drawn is None or "start" in options:
+            return None
+        return str(source) if isinstance(source, Mapping) else drawn.identity
+
+    def scenario(self, scene: Scene | Scenario) -> Scenario:
+        """Return a scene that was drawn from the environment's own family as a `Scenario`."""
+        if isinstance(scene, Scenario):
+            return scene
+        assert self.drawn is not None  # no other scenes are drawn
+        return self.drawn.scenario(scene)
+
+    @property
+    def hooks(self) -> Hooks:
+        """What the environment does as its own family has it."""
+        return NO_HOOKS if self.drawn is None else self.drawn.hooks
 
 
 def _alike(scene: Scenario) -> dict[str, object]:

@@ -15,8 +15,8 @@ from hcbf_gym.envs import scene
 from hcbf_gym.envs.disturbances import Push, disturbance_from_dict
 from hcbf_gym.envs.randomization import PlantConditions, Randomization
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.robots.body_points import stand
 from hcbf_gym.robots.reader import compile_spec
-from hcbf_gym.robots.walker import stand
 from hcbf_gym.scenarios import BoxObstacle
 
 BASE_SIZE = 13

@@ -10,9 +10,9 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, count, floats
+from hcbf_gym.errors import InvalidInputError, as_array, count, floats
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios import Hooks, Moment, Scenario
 
 CONTROL_DT = _core.CONTROL_DT
 """Time between two actions [s]."""
@@ -34,9 +34,9 @@ def action_space(input_set: InputSet) -> spaces.Box:
     return spaces.Box(corners.min(axis=0), corners.max(axis=0))
 
 
-def observation_space(n_barriers: int) -> spaces.Box:
-    """Return the unbounded float64 Box of `observe`."""
-    return spaces.Box(-np.inf, np.inf, shape=(8 + 4 * n_barriers,), dtype=np.float64)
+def observation_space(observation: Array) -> spaces.Box:
+    """Return the unbounded float64 Box of observations (N, n)."""
+    return spaces.Box(-np.inf, np.inf, shape=observation.shape[1:], dtype=np.float64)
 
 
 def barriers_of(scenario: Scenario, v_max: float | None) -> tuple[Barrier, ...]:
@@ -58,7 +58,7 @@ def reference_table(scenario: Scenario) -> Array:
     )
 
 
-def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
+def observe(x: Array, reference: Array, sensed: Array) -> Array:
     """Return (N, 8 + 4 m) what a policy sees.
 
     ``p_ref − p, v_ref − v, v, a_ref``, then per barrier ``h, ∇h/‖∇h‖, ∂h/∂t``.
@@ -66,10 +66,9 @@ def observe(x: Array, reference: Array, sensed: Array, m: int) -> Array:
     Args:
         x: (N, 4) position [m] and velocity [m/s].
         reference: (N, 6) position, velocity and acceleration of the reference.
-        sensed: (N, ≥ m, 4) what `BarrierSet.sense` returns.
-        m: how many of the barriers a policy sees; an environment's own come after them.
+        sensed: (N, m, 4) what `BarrierSet.sense` returns of the barriers that a policy sees.
     """
-    of_barriers = sensed[:, :m].reshape(len(x), -1)
+    of_barriers = sensed.reshape(len(x), -1)
     return np.hstack([reference[:, :4] - x, x[:, 2:], reference[:, 4:], of_barriers])
 
 
@@ -154,7 +153,9 @@ def costs_of(least: Array, kind: Integers, priority: Integers, ranks: int) -> tu
     return cost, costs
 
 
-def reset_info(task: str, h: Array, ranked: Ranked, tracking_error: Array) -> dict[str, Array]:
+def reset_info(
+    task: str, h: Array, ranked: Ranked, tracking_error: Array, hooks: Hooks
+) -> dict[str, Array]:
     """Return the infos of a reset: those of a step that moved nothing and earned nothing.
 
     Args:
@@ -162,9 +163,51 @@ def reset_info(task: str, h: Array, ranked: Ranked, tracking_error: Array) -> di
         h: (N, m) barrier values.
         ranked: what costs are counted by.
         tracking_error: (N,) ‖p_ref − p‖ [m].
+        hooks: of a family, which may have a reward of its own.
     """
     info = step_info(h, h.copy(), ranked, tracking_error, np.zeros(len(h), dtype=np.bool_))
-    return info | {term: np.zeros(len(h)) for term in REWARD_TERMS[task]}
+    terms = REWARD_TERMS[task] if hooks.reward is None else (REWARD_OWN,)
+    return info | {term: np.zeros(len(h)) for term in terms}
+
+
+REWARD_OWN = "reward_own"
+"""The only term of a family's own reward."""
+
+
+def observed(hooks: Hooks, x: Array, reference: Array, seen: Array) -> Array:
+    """Return (N, n) the observation of a family's own; see `Hooks`."""
+    assert hooks.observe is not None
+    return answer("observe", hooks.observe(x, reference, seen), len(x), 2)
+
+
+def judged(
+    hooks: Hooks, moment: Moment, terms: dict[str, Array], costs: Array
+) -> tuple[dict[str, Array], Array]:
+    """Return the reward's terms and the costs of a step: a family's own where it has some."""
+    n = len(moment.x)
+    if hooks.reward is not None:
+        terms = {REWARD_OWN: answer("reward", hooks.reward(moment), n, 1)}
+    if hooks.costs is not None:
+        costs = answer("costs", hooks.costs(moment), n, 2)
+    return terms, costs
+
+
+def answer(hook: str, given: object, n: int, axes: int) -> Array:
+    """Return what a hook returned for N robots, copied.
+
+    Raises:
+        InvalidInputError: if it is no array of finite numbers with so many axes, the first N.
+    """
+    array = as_array(f"hook {hook}", given)
+    if array.dtype.kind not in "fiub" or array.ndim != axes or len(array) != n:
+        expected = f"({n},)" if axes == 1 else f"({n}, …)"
+        raise InvalidInputError(
+            f"hook {hook}: got shape {array.shape} of {array.dtype}, expected {expected} of numbers"
+        )
+    array = array.astype(np.float64)
+    if not np.isfinite(array).all():
+        raise InvalidInputError(f"hook {hook}: got {array.tolist()}, expected finite numbers")
+    return array
 
 
 def first(info: dict[str, Array]) -> Info:

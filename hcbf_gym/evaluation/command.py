@@ -38,12 +38,12 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.environments import ENVIRONMENTS, Known
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.evaluation.rollouts import (
-    ENVIRONMENTS,
     SHOWN_OPTIONS,
     UNFILTERED,
     Case,
@@ -57,14 +57,11 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.programs.qp import check_solver
-from hcbf_gym.robots.walker import Walker
 from hcbf_gym.sources import sources_hash
 
 GOES_ON = "the same command goes on where this one stopped"
 """What Ctrl-C says besides."""
 OUTPUT = Path("results/evaluate")
-ROBOTS = {"HCBF-A1Regions-v0": "Unitree A1", "HCBF-Regions-v0": "reduced-order model"}
-"""What walks in an environment whose robot is no argument."""
 FEW = 10
 """Of fewer episodes the table gives no bound on entering: it would be near 1 anyway."""
 COLUMNS = 5
@@ -83,7 +80,7 @@ class Args:
     robot: str = "cart"
     """Of HCBF-WalkerRegions-v0: a contract's path or a name."""
     scenario: str = "trolley"
-    """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
+    """A name from hcbf_gym.scenarios.names(), a JSON file's path, or FILE.py:FAMILY of your own."""
     map: Path | None = None
     """A map of Nav2 instead of a scene: YAML beside a PGM or PNG. Seeds draw start and goal."""
     masks: dict[str, Count] = field(default_factory=dict)
@@ -138,6 +135,16 @@ class Args:
     def own(self) -> bool:
         """Whether the environment is the user's own."""
         return loading.is_function(self.env)
+
+    @property
+    def known(self) -> Known:
+        """What is known of the environment; nothing of one's own."""
+        return ENVIRONMENTS.get(self.env, Known(None))
+
+    @property
+    def env_options(self) -> dict[str, Any]:
+        """Further arguments of the environment."""
+        return {name: getattr(self, name) for name in self.known.options}
 
 
 def main(args: Args) -> None:
@@ -220,10 +227,15 @@ def _check(args: Args) -> None:
             f"unknown environment: got {args.env!r}, expected one of {list(ENVIRONMENTS)}, "
             "file.py:function or module:function"
         )
-    if args.robot != Args.robot and args.env != "HCBF-WalkerRegions-v0":
-        raise InvalidInputError(
-            f"--robot: got {args.robot!r} with {args.env}, expected --env HCBF-WalkerRegions-v0"
+    for name in ("robot", "body"):
+        value, takes = (
+            getattr(args, name),
+            [e for e, k in ENVIRONMENTS.items() if name in k.options],
         )
+        if value != getattr(Args, name) and args.env not in takes:
+            raise InvalidInputError(
+                f"--{name}: got {value!r} with {args.env}, expected --env {' or '.join(takes)}"
+            )
     for policy in args.policy:
         policies.check(policy)
     if args.solver is not None:
@@ -232,8 +244,6 @@ def _check(args: Args) -> None:
         require("--video", "video", "moviepy")
     if args.own:
         given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
-        if args.body != "point":
-            given.append("body")
         if given:
             raise InvalidInputError(
                 f"evaluate: got {', '.join(given)} with {args.env}, whose plant says all that"
@@ -244,17 +254,12 @@ def _check(args: Args) -> None:
                     f"policy: got {policy!r} with {args.env}, whose observations it does not know; "
                     f"expected one of your own: {policies.FORMS}"
                 )
-    if args.env == "HCBF-Regions-v0" and args.body != "point":
-        raise InvalidInputError(
-            "body: got 'footprint' of the reduced-order model, which is a point; expected another "
-            "environment"
-        )
 
 
 def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
     """Return what decides a run: arguments, the user's files, versions."""
     left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
-    if args.env != "HCBF-WalkerRegions-v0":
+    if "robot" not in args.known.options:
         left_out.add("robot")  # that of the environment is no argument
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
     decided = {"files": sources_hash(list(files)) if files else "", "versions": chunks.versions()}
@@ -271,7 +276,7 @@ def _summary(
     """Return what summary.json holds: enough to run it again, and a row for a table."""
     return {
         "environment": args.env,
-        "robot": ROBOTS.get(args.env, None if args.own else args.robot),
+        "robot": args.env_options.get("robot", args.known.robot),
         "settings": _settings(args, files),
         "seeds": [args.seed, args.seed + args.episodes - 1],
         "interval": INTERVAL,
@@ -291,11 +296,12 @@ def _files(args: Args) -> list[Path]:
     """Return the files of the user's own that decide the episodes."""
     given = (args.scenario, args.map or "", *args.masks, *args.slow)
     files = [file for file in map(Path, given) if file.is_file()]
+    family = scenarios.family_of(args.scenario)
+    files += [] if family is None else family.files
     files += [file for name in args.policy for file in policies.files(name)]
     if args.own:
         files += own_environment.files(args.env)
-    if args.env == "HCBF-WalkerRegions-v0":
-        files += Walker.load(args.robot).files
+    files += args.known.files(args.env_options)
     return sorted({file.resolve() for file in files})
 
 
@@ -312,13 +318,8 @@ def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
     if args.own:
         steps = OWN_STEPS if args.steps is None else args.steps
         return Case(args.env, scene, policy, program, options, steps=steps)
-    env_options: dict[str, Any] = {}
-    v_max = args.v_max
-    if args.env == "HCBF-A1Regions-v0":
-        env_options |= {"feedback": args.feedback, "body": args.body}
-    elif args.env == "HCBF-WalkerRegions-v0":
-        env_options |= {"robot": args.robot, "body": args.body, "v_max": v_max}
-        v_max = None
+    env_options = args.env_options
+    v_max = None if "v_max" in env_options else args.v_max
     return Case(args.env, scene, policy, program, options, env_options, v_max, args.steps)
 
 

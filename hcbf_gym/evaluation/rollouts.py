@@ -12,6 +12,7 @@ from hcbf_gym import loading, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.environments import ENVIRONMENTS
 from hcbf_gym.evaluation.recorded import Episode, rollout
 from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, upper_bound
 from hcbf_gym.models.plant import Plant
@@ -131,9 +132,6 @@ class Case:
 def shown_program(program: str) -> str:
     """Return a program as tables and figures name it."""
     return f"{program} (no filter)" if program == UNFILTERED else program
-
-
-ENVIRONMENTS = ("HCBF-A1Regions-v0", "HCBF-Regions-v0", "HCBF-WalkerRegions-v0")
 
 
 class Job(NamedTuple):

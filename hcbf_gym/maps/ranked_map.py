@@ -24,7 +24,7 @@ from hcbf_gym.errors import (
     shown,
 )
 from hcbf_gym.maps import packing, reading
-from hcbf_gym.maps.cover import Cover
+from hcbf_gym.maps.cover import Cover, boxes
 from hcbf_gym.maps.map_class import MapClass
 from hcbf_gym.maps.reading import Cells
 from hcbf_gym.models.constants import FARTHEST
@@ -178,6 +178,12 @@ class RankedMap(Several):
         found = self._condition_of(name).pieces.polygons
         covers = {one.name: cover for one, cover in zip(self.classes, self.covers, strict=True)}
         return found[: len(covers[name].sizes)]
+
+    def outlines(self, region: MapClass, covered: bool = False) -> list[Array]:
+        """Return the corners (k, 2) of rectangles of a class's cells, or of its pieces [m]."""
+        if covered:
+            return self.polygons(region.name)
+        return [self.grid.to_world(box) for box in boxes(region.cells)]
 
     def distance(self, points: ArrayLike, rank: int | None = None) -> Array:
         """Return (N,) the covered distance of points from keepout and unknown cells [m].

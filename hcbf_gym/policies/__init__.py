@@ -1,7 +1,7 @@
 """Nominal policies: what the robot would do if nothing were dangerous."""
 
 from hcbf_gym.policies.learned import LearnedPolicy, load
-from hcbf_gym.policies.named import FORMS, check, files, is_own, make, try_out
+from hcbf_gym.policies.named import FORMS, check, files, is_own, make, names, register, try_out
 from hcbf_gym.policies.pd import PDTracker, Policy
 
 __all__ = [
@@ -14,5 +14,7 @@ __all__ = [
     "is_own",
     "load",
     "make",
+    "names",
+    "register",
     "try_out",
 ]

@@ -118,8 +118,7 @@ def file_of(name: str | Path) -> Path:
         return path
     if str(name) not in names():
         raise UnknownNameError(
-            f"unknown policy: got {str(name)!r}, expected pd, pd-ff, one of {names()}, an .npz "
-            "file, or file.py:function, module:function, model.zip, policy.onnx or policy.pt"
+            f"unknown policy: got {str(name)!r}, expected one of {names()}, or an .npz file"
         )
     return _baseline(str(name))
 

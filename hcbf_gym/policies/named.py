@@ -4,6 +4,7 @@ import importlib
 import inspect
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,14 +15,45 @@ from numpy.typing import NDArray
 
 from hcbf_gym import loading
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.errors import InvalidInputError, as_array, count, instance, require, text
+from hcbf_gym.errors import (
+    InvalidInputError,
+    UnknownNameError,
+    as_array,
+    count,
+    instance,
+    require,
+    text,
+)
 from hcbf_gym.policies import learned
 from hcbf_gym.policies.pd import PDTracker, Policy
 
-PD = "pd", "pd-ff"
-"""The paper's controller, without and with the reference's acceleration."""
+Make = Callable[[gym.Env], Policy]
+_NAMED: dict[str, Make] = {}
 FORMS = "file.py:function, module:function, model.zip, policy.onnx or policy.pt"
 """How a policy of one's own is named."""
+
+
+def register(name: str, make: Make) -> None:
+    """Name a policy, as `hcbf evaluate --policy` and `make` take it.
+
+    Args:
+        name: without colon and dot, which names of files and functions have.
+        make: (environment) → the policy of one episode in it.
+
+    Raises:
+        InvalidInputError: if the name is taken or no name.
+    """
+    if not name or name in _NAMED or set(text("policy", name)) & set(":./"):
+        raise InvalidInputError(
+            f"policy: got {name!r}, expected a name without colon, dot and slash that is not "
+            f"taken: {names()}"
+        )
+    _NAMED[name] = make
+
+
+def names() -> list[str]:
+    """Return the names of policies that are registered."""
+    return list(_NAMED)
 
 
 def make(name: str, env: gym.Env) -> Policy:
@@ -35,7 +67,7 @@ def make(name: str, env: gym.Env) -> Policy:
     whom you trust.
 
     Args:
-        name: "pd", "pd-ff", what `learned.load` takes, or one of `FORMS`.
+        name: one of `names()`, an .npz file, or one of `FORMS`.
         env: the environment, whose spaces it has to fit.
 
     Raises:
@@ -46,8 +78,8 @@ def make(name: str, env: gym.Env) -> Policy:
     check(name)
     name = str(name)
     instance("env", env, gym.Env, gym.vector.VectorEnv)
-    if name in PD:
-        return PDTracker.for_env(env, feed_forward=name == "pd-ff")
+    if name in _NAMED:
+        return _NAMED[name](env)
     if loading.is_function(name):
         found: Any = loading.function("policy", name)
         made: Any = found() if inspect.isclass(found) else found
@@ -69,12 +101,14 @@ def check(name: str) -> None:
         InvalidInputError: if there is no such function or file.
     """
     name = text("policy", name)
-    if name in PD:
+    if name in _NAMED:
         return
     if loading.is_function(name):
         loading.function("policy", name)
     elif Path(name).suffix not in {".npz", *_READERS}:
-        learned.file_of(name)
+        raise UnknownNameError(
+            f"unknown policy: got {name!r}, expected one of {names()}, an .npz file, or {FORMS}"
+        )
     elif not Path(name).is_file():
         raise InvalidInputError(f"policy: got {name!r}, expected an existing file")
 
@@ -253,3 +287,8 @@ _READERS: dict[str, Callable[[Path, _Spaces], Policy]] = {
     ".pt": _of_torch,
 }
 """Ending → what reads such a file."""
+
+register("pd", PDTracker.for_env)
+register("pd-ff", partial(PDTracker.for_env, feed_forward=True))
+for baseline in learned.names():
+    register(baseline, partial(learned.load, baseline))

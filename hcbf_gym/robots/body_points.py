@@ -89,3 +89,19 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
         ]
         return np.unique(np.concatenate(edges), axis=0) * size, 0.0
     return np.zeros((1, 3)), float(model.geom_rbound[geom])
+
+
+def stand(data: mujoco.MjData, position: Array, height: float, yaw: float, home: Array) -> None:
+    """Put a robot that comes first in a scene at rest.
+
+    Args:
+        data: written to.
+        position: (2,) of its trunk [m].
+        height: of its trunk [m].
+        yaw: [rad].
+        home: (j,) of its joints [rad].
+    """
+    data.qpos[:2] = position
+    data.qpos[2] = height
+    data.qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
+    data.qpos[7 : 7 + len(home)] = home

@@ -24,7 +24,7 @@ from hcbf_gym.errors import (
     shown,
 )
 from hcbf_gym.robots import carts, walker_policy
-from hcbf_gym.robots.body_points import radius
+from hcbf_gym.robots.body_points import radius, stand
 from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.robots.walker_model import Parts, indices, walker_spec
@@ -228,22 +228,6 @@ class Walker:
                 f"policy: got {action.tolist()} at the start, expected {k} finite numbers, one for "
                 f"each of {list(parts.actuators)}"
             )
-
-
-def stand(data: mujoco.MjData, position: Array, height: float, yaw: float, home: Array) -> None:
-    """Put a robot that comes first in a scene at rest.
-
-    Args:
-        data: written to.
-        position: (2,) of its trunk [m].
-        height: of its trunk [m].
-        yaw: [rad].
-        home: (j,) of its joints [rad].
-    """
-    data.qpos[:2] = position
-    data.qpos[2] = height
-    data.qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
-    data.qpos[7 : 7 + len(home)] = home
 
 
 def response_file(contract: Path) -> Path:

@@ -6,28 +6,64 @@ from pathlib import Path
 
 import numpy as np
 
-from hcbf_gym import records
-from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, shown, text
-from hcbf_gym.scenarios import clutter, floor_plans, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.floor_plans import Route
-from hcbf_gym.scenarios.hall import Layout
+from hcbf_gym import loading, records
+from hcbf_gym.errors import (
+    InvalidInputError,
+    UnknownNameError,
+    count,
+    finite_float,
+    instance,
+    shown,
+    text,
+)
+from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps, trolley
+from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
+from hcbf_gym.scenarios.floor import Floor, Region, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
+from hcbf_gym.scenarios.scene import (
+    ANGLE,
+    ASPECT,
+    BOX,
+    DISC,
+    ELLIPSE,
+    HALF_PLANE,
+    RADIUS,
+    SHAPE,
+    Scene,
+    X,
+    Y,
+)
 
 __all__ = [
-    "PLANS",
-    "RANDOM",
+    "ANGLE",
+    "ASPECT",
+    "BOX",
+    "DISC",
+    "ELLIPSE",
+    "HALF_PLANE",
+    "RADIUS",
+    "SHAPE",
     "BoxObstacle",
-    "Layout",
-    "Route",
+    "Family",
+    "Floor",
+    "Hooks",
+    "Moment",
+    "Region",
     "Scenario",
     "ScenarioLike",
-    "draw",
+    "Scene",
+    "X",
+    "Y",
+    "families",
+    "family_of",
     "from_dict",
     "is_random",
     "load",
     "make",
     "names",
     "on_map",
+    "register",
+    "register_floors",
 ]
 
 _NAMED: dict[str, Callable[[], Scenario]] = {
@@ -39,32 +75,105 @@ _NAMED: dict[str, Callable[[], Scenario]] = {
     "trolley": trolley.scenario,
 }
 
-RANDOM: dict[str, Callable[[np.random.Generator], Layout]] = {
-    "random": random_scenes.draw,
-    "random-moving": partial(random_scenes.draw, moving=True),
-    "random-wide": partial(random_scenes.draw, gap=random_scenes.WIDE_GAP),
-    "random-clutter": clutter.draw,
-    "random-traps": traps.draw,
-    "random-map": rooms.draw,
-}
-"""The names that stand for another scene at every reset, and what draws it."""
+_FAMILIES: dict[str, Family] = {}
 
-PLANS: dict[str, Callable[[np.random.Generator], Route]] = {
-    f"map-{plan}": partial(floor_plans.draw, plan) for plan in floor_plans.NAMES
-}
-"""The floor plans, in which every reset draws another start and another goal."""
+
+def register(
+    name: str,
+    draw: Draw,
+    *,
+    shapes: int,
+    v_max: float | None = V_MAX,
+    draw_many: DrawMany | None = None,
+    floor: Callable[[], Floor] | None = None,
+    hooks: Hooks = NO_HOOKS,
+) -> None:
+    """Name a family of random scenes, of which environments draw one for each episode.
+
+    The task is "reach": to arrive at the scene's goal. Written in a file, a family is also called
+    ``file.py:name`` or ``module:name``, under which other processes find it.
+
+    Args:
+        name: what `gym.make`, `make_vec`, `evaluate` and `certify` take as a scenario.
+        draw: (generator, scene) fills the arrays of a `Scene`, for each environment that begins,
+            with its generator.
+        shapes: m, how many shapes each scene has, walls included.
+        v_max: strict cap on the speed [m/s]; None for none.
+        draw_many: (N generators, the N scenes' arrays) the same for many at once, equal bit for
+            bit, which is tried here on some seeds.
+        floor: returns the map on which the shapes are; None for none.
+        hooks: observation, reward and costs of the family's own.
+
+    Raises:
+        InvalidInputError: if the name is taken or no name, a number is out of range, or
+            `draw_many` fills other scenes than `draw`.
+    """
+    if not name or set(text("family", name)) & set(":/ "):
+        raise InvalidInputError(
+            f"family: got {name!r}, expected a name without colon, slash, space"
+        )
+    for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
+        if not (callable(given) or (given is None and what != "draw")):
+            raise InvalidInputError(
+                f"family {name!r}: {what}: got {shown(given)}, expected a function"
+            )
+    count(f"family {name!r}: shapes", shapes, minimum=0 if floor else 1)
+    if v_max is not None:
+        v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
+    made = Family(name, draw, shapes, v_max, draw_many, floor, hooks)
+    before = _FAMILIES.get(name)
+    if name in _NAMED or not (before is None or before.is_from_where(made)):
+        raise InvalidInputError(
+            f"family: got {name!r}, expected a name that is not taken: {names()}"
+        )
+    if draw_many is not None:
+        made.check_many()
+    _FAMILIES[name] = made
+
+
+def families() -> list[str]:
+    """Return the names of families of random scenes."""
+    return list(_FAMILIES)
 
 
 def names() -> list[str]:
     """Return the names that `make` knows."""
-    return sorted([*_NAMED, *RANDOM, *PLANS])
+    return sorted([*_NAMED, *_FAMILIES])
+
+
+def family_of(scenario: ScenarioLike) -> Family | None:
+    """Return the family of random scenes that a name or the dict of a map stands for; or None.
+
+    Raises:
+        UnknownNameError: if a file or module does not register a family of that name.
+        InvalidInputError: if it cannot be imported.
+    """
+    if isinstance(scenario, Mapping):
+        if set(scenario) != {"map"}:
+            return None
+        reader = floors()
+        floor = reader.read(scenario["map"])
+
+        def draw(generator: np.random.Generator, scene: Scene) -> None:
+            reader.draw(floor, generator, scene.start, scene.goal)
+
+        return Family(name_of(scenario["map"]), draw, 0, floor=lambda: floor)
+    if not isinstance(scenario, str):
+        return None
+    where, _, name = scenario.rpartition(":")
+    if where:
+        loading.module("scenario", where)
+        if name not in _FAMILIES:
+            raise UnknownNameError(
+                f"unknown scenario: got {scenario!r}, expected one of {families()}, or that "
+                f"{where} calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
+            )
+    return _FAMILIES.get(name)
 
 
 def is_random(scenario: ScenarioLike) -> bool:
-    """Return whether `make` draws another scene at every call: it has such a name, or is a map."""
-    if isinstance(scenario, Mapping):
-        return set(scenario) == {"map"}
-    return isinstance(scenario, str) and (scenario in RANDOM or scenario in PLANS)
+    """Return whether `make` draws another scene at every call: it names a family, or is a map."""
+    return family_of(scenario) is not None
 
 
 def on_map(
@@ -95,19 +204,6 @@ def on_map(
     return {"map": {"file": text("map", file), "masks": found}}
 
 
-def draw(scenario: ScenarioLike, rng: np.random.Generator) -> Layout | Route:
-    """Return what the generator decides of a scene that is random."""
-    if not is_random(scenario):
-        raise InvalidInputError(
-            f"scenario: got {shown(scenario)}, expected one of {sorted(RANDOM | PLANS)}, or a map"
-        )
-    instance("rng", rng, np.random.Generator)
-    if isinstance(scenario, Mapping):
-        return floor_plans.through(floor_plans.described(scenario["map"]), rng)
-    drawers: dict[str, Callable[[np.random.Generator], Layout | Route]] = {**RANDOM, **PLANS}
-    return drawers[str(scenario)](rng)
-
-
 def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scenario:
     """Return a scenario.
 
@@ -122,10 +218,10 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
     """
     if isinstance(scenario, Scenario):
         return scenario
-    if isinstance(scenario, str | Mapping) and is_random(scenario):
-        name = floor_plans.name_of(scenario["map"]) if isinstance(scenario, Mapping) else scenario
+    family = family_of(scenario)
+    if family is not None:
         rng = np.random.default_rng(0) if rng is None else rng
-        return draw(scenario, rng).scenario(name)
+        return family.scenario(family.drawn([instance("rng", rng, np.random.Generator)]).one(0))
     if isinstance(scenario, Mapping):
         return from_dict(scenario)
     if not isinstance(scenario, str | Path):
@@ -139,3 +235,12 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
     raise UnknownNameError(
         f"unknown scenario: got {str(scenario)!r}, expected one of {names()} or a .json file"
     )
+
+
+_IN_A_HALL = hall.WALLS + random_scenes.REGIONS
+register("random", random_scenes.draw, shapes=_IN_A_HALL)
+register("random-moving", partial(random_scenes.draw, moving=True), shapes=_IN_A_HALL)
+register("random-wide", partial(random_scenes.draw, gap=random_scenes.WIDE_GAP), shapes=_IN_A_HALL)
+register("random-clutter", clutter.draw, shapes=hall.WALLS + clutter.MOST)
+register("random-traps", traps.draw, shapes=hall.WALLS + len(traps.RANKS))
+register("random-map", rooms.draw, shapes=hall.WALLS + len(rooms.RANKS))

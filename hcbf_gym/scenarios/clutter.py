@@ -6,27 +6,17 @@ it. So a way that enters nothing exists by construction, mostly far from the str
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
-from hcbf_gym.scenarios.hall import (
-    ANGLE,
-    ASPECT,
-    DISC,
-    ELLIPSE,
-    RADIUS,
-    SHAPE,
-    Layout,
-    X,
-    Y,
-    hide,
-    room_beside,
-)
+from hcbf_gym.scenarios import hall
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
 
 CLEAR = 0.45
 """Least distance between the free way and any region or wall [m]."""
 CLEAR_ENDS = 0.8
 """The same at the start and at the goal [m]."""
-FEWEST, MOST = 15, 25
-PRIORITIES = tuple(1 + k % 3 for k in range(MOST))
+MOST = 25
+"""Regions of the shipped family."""
+FEWEST = 0.6
+"""Share of a scene's regions that is in play at least."""
 
 _BENDS = 4
 """Points of the way between start and goal."""
@@ -38,20 +28,20 @@ _SIZE, _KIND, _TURN, _FORM = range(4)
 _PER_REGION = 4 + 2 * _TRIES
 
 
-def draw(rng: np.random.Generator) -> Layout:
-    """Return the scene that the generator decides; it gives as many numbers for every scene."""
-    hall, bends, chances = np.split(rng.random(4 + _BENDS + MOST * _PER_REGION), (4, 4 + _BENDS))
-    goal, regions = np.empty(2), np.empty((MOST, 8))
-    half_width = _lay_out(hall, bends, chances.reshape(MOST, _PER_REGION), goal, regions)
-    return Layout(half_width, goal, regions, PRIORITIES)
-
-
-def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Array) -> float:
-    """Write the goal and the regions; return the hall's half width."""
-    half_width = 2.6 + 0.4 * hall[0]
-    length = 9.0 + 1.0 * hall[1]
-    goal[0], goal[1] = length, 1.2 * (2.0 * hall[2] - 1.0)
-    count = FEWEST + int((MOST - FEWEST + 1) * hall[3])
+def draw(generator: np.random.Generator, scene: Scene) -> None:
+    """Fill a scene of two walls and 3 regions or more; as many numbers decide every scene."""
+    hall.check_count(scene, hall.WALLS + 3)
+    ranks, goal = scene.ranks[hall.WALLS :], scene.goal
+    most = len(ranks)
+    ranks[:] = 1 + np.arange(most) % 3
+    numbers = generator.random(4 + _BENDS + most * _PER_REGION)
+    drawn, bends, chances = np.split(numbers, (4, 4 + _BENDS))
+    chances = chances.reshape(most, _PER_REGION)
+    half_width = 2.6 + 0.4 * drawn[0]
+    length = 9.0 + 1.0 * drawn[1]
+    goal[0], goal[1] = length, 1.2 * (2.0 * drawn[2] - 1.0)
+    fewest = round(FEWEST * most)
+    count = fewest + int((most - fewest + 1) * drawn[3])
     way = np.zeros((_BENDS + 2, 2))
     for k in range(_BENDS):
         way[k + 1, 0] = length * (k + 1) / (_BENDS + 1)
@@ -59,7 +49,7 @@ def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Ar
         way[k + 1, 1] = (half_width - CLEAR) * (0.7 * across + 0.3 * np.sign(across))
     way[_BENDS + 1] = goal
 
-    hide(regions, length, half_width)
+    regions = hall.build(scene, length, half_width)
     for k in range(count):
         region = regions[k]
         chance = chances[k]
@@ -68,7 +58,7 @@ def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Ar
         for attempt in range(_TRIES):
             x = length * chance[4 + 2 * attempt]
             y = goal[1] * x / length + 0.7 * half_width * (2.0 * chance[5 + 2 * attempt] - 1.0)
-            free = room_beside(way, x, y, CLEAR, CLEAR_ENDS)
+            free = hall.room_beside(way, x, y, CLEAR, CLEAR_ENDS)
             if free > room:
                 region[X], region[Y], room = x, y, free
             if room >= _SMALLEST:
@@ -76,4 +66,3 @@ def _lay_out(hall: Array, bends: Array, chances: Array, goal: Array, regions: Ar
         region[RADIUS] = max(0.05, min(wanted, room))
         region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * chance[_FORM]))[int(3.0 * chance[_KIND])]
         region[ASPECT], region[ANGLE] = 0.5 + 0.5 * chance[_FORM], 2.0 * np.pi * chance[_TURN]
-    return half_width

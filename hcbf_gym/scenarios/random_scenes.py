@@ -8,20 +8,8 @@ the episode starts inside a region of priority 3 whose nearest exit leads into o
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.scenarios.hall import (
-    ANGLE,
-    ASPECT,
-    DISC,
-    ELLIPSE,
-    RADIUS,
-    SHAPE,
-    VX,
-    VY,
-    Layout,
-    X,
-    Y,
-    hide,
-)
+from hcbf_gym.scenarios import hall
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
 
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
@@ -34,10 +22,11 @@ START_CLEARANCE = 1.0
 """Least distance from the start to any strict region [m]."""
 MAX_DRIFT = 0.2
 """Greatest speed of a moving region [m/s]."""
+LONGER = 1.7
+"""By how much each region beyond `REGIONS` makes the hall longer [m]."""
 
-PRIORITIES = (1, 1, 2, 2, 3)
-"""Of the five regions, after the two strict walls; the first and the third are always in play."""
-_FIRST_OF_2, _OF_3 = 2, 4
+REGIONS = 5
+"""As many as the shipped families have, and the fewest that a scene can have."""
 
 # what is drawn: four numbers for the hall, one for each region's presence, seven for each region
 _WIDTH, _LENGTH, _GOAL, _CONFLICT = range(4)
@@ -46,60 +35,54 @@ _PLACE, _SIZE, _ALONG, _ACROSS, _KIND, _TURN, _FORM = range(7)
 _HEADING, _DEPTH, _DISTANCE, _INNER, _OUTER = _SIZE, _ALONG, _ACROSS, _KIND, _TURN
 
 
-def draw(rng: np.random.Generator, moving: bool = False, gap: float = GAP) -> Layout:
-    """Return the scene that the generator decides.
+def draw(
+    generator: np.random.Generator, scene: Scene, moving: bool = False, gap: float = GAP
+) -> None:
+    """Fill a scene of two walls and `REGIONS` regions or more; each more makes the hall longer.
 
     Args:
-        rng: gives the same number of numbers for every scene.
+        generator: gives the same number of numbers for every scene.
+        scene: to fill.
         moving: let the relaxed regions drift that are not part of a conflict.
         gap: least passage between two regions, and between a region and a wall [m]; a wider one
             moves walls and regions apart and the goal farther away.
     """
-    n = len(PRIORITIES)
-    hall, presence, chances = np.split(rng.random(4 + n + 7 * n), (4, 4 + n))
-    goal, regions = np.empty(2), np.empty((n, 8))
-    half_width = _lay_out(hall, presence, chances.reshape(n, 7), moving, gap, goal, regions)
-    return Layout(half_width, goal, regions, PRIORITIES)
-
-
-def _lay_out(
-    hall: Array,
-    presence: Array,
-    chances: Array,
-    moving: bool,
-    gap: float,
-    goal: Array,
-    regions: Array,
-) -> float:
-    """Write the goal and the regions; return the hall's half width."""
-    conflict = hall[_CONFLICT] < CONFLICT_SHARE
-    order = np.empty(len(PRIORITIES), dtype=np.int64)
+    hall.check_count(scene, hall.WALLS + REGIONS)
+    ranks, goal = scene.ranks[hall.WALLS :], scene.goal
+    n_slots = len(ranks)
+    ranks[:] = 1 + 5 * np.arange(n_slots) // (2 * n_slots)  # two fifths each, and a fifth of rank 3
+    of_2, of_3 = int(np.argmax(ranks == 2)), int(np.argmax(ranks == 3))
+    numbers = generator.random(4 + n_slots + 7 * n_slots)
+    drawn, presence, chances = np.split(numbers, (4, 4 + n_slots))
+    chances = chances.reshape(n_slots, 7)
+    conflict = drawn[_CONFLICT] < CONFLICT_SHARE
+    order = np.empty(n_slots, dtype=np.int64)
     n = 0
-    for slot in range(len(PRIORITIES)):  # who has a stretch of its own, and in which order
-        in_play = slot in (0, _FIRST_OF_2) or presence[slot] < 0.5
-        if in_play and not (conflict and slot in (_FIRST_OF_2, _OF_3)):
+    for slot in range(n_slots):  # who has a stretch of its own, and in which order
+        in_play = slot in (0, of_2) or presence[slot] < 0.5
+        if in_play and not (conflict and slot in (of_2, of_3)):
             place = int(n * chances[slot, _PLACE])
             order[n] = order[place]
             order[place] = slot
             n = n + 1
 
-    half_width = 2.2 + 0.6 * hall[_WIDTH] + (gap - GAP)
-    length = 8.5 + 1.5 * hall[_LENGTH] + 0.5 * n * (gap - GAP)
-    goal[0], goal[1] = length, 1.2 * (2.0 * hall[_GOAL] - 1.0)
+    half_width = 2.2 + 0.6 * drawn[_WIDTH] + (gap - GAP)
+    length = 8.5 + 1.5 * drawn[_LENGTH] + 0.5 * n * (gap - GAP) + LONGER * (n_slots - REGIONS)
+    goal[0], goal[1] = length, 1.2 * (2.0 * drawn[_GOAL] - 1.0)
     first = 1.0 + 0.4 + 0.5 * gap if conflict else START_CLEARANCE - 0.5 * gap
     stretch = (length - 0.6 - first) / n
-    hide(regions, length, half_width)
+    regions = hall.build(scene, length, half_width)
     for k in range(n):
         slot = order[k]
         reach = first + k * stretch, stretch, half_width - gap
         _place(regions[slot], chances[slot], reach, gap, goal)
-        if moving and PRIORITIES[slot] > 1:
+        if moving and ranks[slot] > 1:
             speed = MAX_DRIFT * chances[slot, _PLACE]
             heading = 2.0 * np.pi * chances[slot, _SIZE]
-            regions[slot, VX], regions[slot, VY] = speed * np.cos(heading), speed * np.sin(heading)
+            velocity = speed * np.cos(heading), speed * np.sin(heading)
+            scene.velocities[hall.WALLS + slot] = velocity
     if conflict:
-        _collide(regions[_OF_3], regions[_FIRST_OF_2], chances[_OF_3])
-    return half_width
+        _collide(regions[of_3], regions[of_2], chances[of_3])
 
 
 def _place(

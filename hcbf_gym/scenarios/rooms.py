@@ -8,18 +8,8 @@ piece of furniture is convex: the regions are the cover of a map, which nobody n
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.scenarios.hall import (
-    ANGLE,
-    ASPECT,
-    BOX,
-    RADIUS,
-    SHAPE,
-    Layout,
-    X,
-    Y,
-    hide,
-    room_beside,
-)
+from hcbf_gym.scenarios import hall
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
 
 CLEAR = 0.7
 """Least distance between the free way and anything [m], and half of the narrowest door."""
@@ -38,7 +28,7 @@ INNER = 2 * COLUMNS + 3 * (COLUMNS - 1)
 """Pieces of wall between rooms: two in each column, three between columns."""
 ZONES = (2, 2, 3, 3)
 """Ranks of the zones."""
-PRIORITIES = (1,) * (2 + INNER + ROOMS) + ZONES
+RANKS = (1,) * (2 + INNER + ROOMS) + ZONES
 
 _BEFORE = 0.8
 """Where the way turns towards a door, in front of it and behind [m]."""
@@ -55,30 +45,19 @@ _KEY, _PLACE, _GAP, _EXTRA = range(4)
 _SIZE, _FORM, _TURN, _WHERE, _PRESENT = range(5)
 
 
-def draw(rng: np.random.Generator) -> Layout:
-    """Return the scene that the generator decides; it gives as many numbers for every scene."""
+def draw(generator: np.random.Generator, scene: Scene) -> None:
+    """Fill a scene of two outer walls and `RANKS`; as many numbers decide every scene."""
+    count = hall.WALLS + len(RANKS)
+    hall.check_count(scene, count, count)
+    scene.ranks[hall.WALLS :] = RANKS
+    start, goal = scene.start, scene.goal
     counts = (8, 2 * COLUMNS - 1, 4 * DOORS, _PER_THING * _THINGS)
-    hall, lines, doors, things = np.split(rng.random(sum(counts)), np.cumsum(counts)[:-1])
-    start, goal, regions = np.empty(2), np.empty(2), np.empty((len(PRIORITIES), 8))
-    half_width = _lay_out(
-        hall, lines, doors.reshape(DOORS, 4), things.reshape(_THINGS, -1), start, goal, regions
-    )
-    return Layout(half_width, goal, regions, PRIORITIES, (float(start[0]), float(start[1])))
-
-
-def _lay_out(
-    hall: Array,
-    lines: Array,
-    doors: Array,
-    things: Array,
-    start: Array,
-    goal: Array,
-    regions: Array,
-) -> float:
-    """Write start, goal and regions; return the building's half width."""
-    half_width = 3.6 + 0.9 * hall[_WIDTH]
-    length = 10.0 + 3.0 * hall[_LENGTH]
-    hide(regions, length, half_width)
+    numbers = generator.random(sum(counts))
+    drawn, lines, doors, things = np.split(numbers, np.cumsum(counts)[:-1])
+    doors, things = doors.reshape(DOORS, 4), things.reshape(_THINGS, -1)
+    half_width = 3.6 + 0.9 * drawn[_WIDTH]
+    length = 10.0 + 3.0 * drawn[_LENGTH]
+    regions = hall.build(scene, length, half_width)
     across = np.empty(COLUMNS + 1)  # x of the walls between columns, and of both ends
     for k in range(COLUMNS + 1):
         across[k] = length * k / COLUMNS
@@ -92,10 +71,10 @@ def _lay_out(
         _wall(regions[end], length * end, -half_width, length * end, half_width)
     _divide(regions[2:], opened, middle, across, between, half_width)
 
-    first = int(ROOMS * hall[_START_ROOM])
-    last = (first + 1 + int((ROOMS - 1) * hall[_GOAL_ROOM])) % ROOMS
-    _place_in(start, first, hall[_START : _START + 2], across, between, half_width)
-    _place_in(goal, last, hall[_GOAL : _GOAL + 2], across, between, half_width)
+    first = int(ROOMS * drawn[_START_ROOM])
+    last = (first + 1 + int((ROOMS - 1) * drawn[_GOAL_ROOM])) % ROOMS
+    _place_in(start, first, drawn[_START : _START + 2], across, between, half_width)
+    _place_in(goal, last, drawn[_GOAL : _GOAL + 2], across, between, half_width)
     way = _way(start, goal, first, last, opened, middle)
     for k in range(_THINGS):
         chance = things[k]
@@ -106,7 +85,6 @@ def _lay_out(
         _furnish(
             regions[2 + INNER + k], chance, smaller, way, _sides(room, across, between, half_width)
         )
-    return half_width
 
 
 def _open(doors: Array) -> Array:
@@ -243,7 +221,7 @@ def _furnish(
     for k in range(_TRIES):
         x = x0 + (x1 - x0) * chance[5 + 2 * k]
         y = y0 + (y1 - y0) * chance[6 + 2 * k]
-        free = room_beside(way, x, y, CLEAR, CLEAR_ENDS)
+        free = hall.room_beside(way, x, y, CLEAR, CLEAR_ENDS)
         if free > best:
             best, best_x, best_y = free, x, y
     radius = min(smaller + 0.4 * chance[_SIZE], best)

@@ -17,11 +17,11 @@ from hcbf_gym.errors import (
     listed,
     shown,
 )
-from hcbf_gym.maps import RankedMap
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.scenarios import references
+from hcbf_gym.scenarios.floor import Floor, floors
 from hcbf_gym.scenarios.references import Reference
 
 TASKS = ("track", "reach")
@@ -97,15 +97,13 @@ class Scenario:
     goal_radius: float = 0.25
     v_max: float | None = None
     obstacles: tuple[BoxObstacle, ...] = ()
-    map: RankedMap | None = None
+    map: Floor | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InvalidInputError(f"scenario name: got {shown(self.name)}, expected text")
-        if not (self.map is None or isinstance(self.map, RankedMap)):
-            raise InvalidInputError(
-                f"{self.name}: map: got {shown(self.map)}, expected a RankedMap"
-            )
+        if not (self.map is None or isinstance(self.map, Floor)):
+            raise InvalidInputError(f"{self.name}: map: got {shown(self.map)}, expected a map")
         for part, kind in (("barriers", Barrier), ("obstacles", BoxObstacle)):
             entries = listed(f"{self.name}: {part}", getattr(self, part), kind)
             object.__setattr__(self, part, entries)
@@ -187,7 +185,7 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
             barriers.from_dict(item) for item in _items("scenario: barriers", values["barriers"])
         )
     if values.get("map") is not None:
-        values["map"] = RankedMap.from_dict(values["map"])
+        values["map"] = floors().read(values["map"])
     if "reference" in values:
         values["reference"] = records.from_dict("reference", values["reference"], references.KINDS)
     if "input_set" in values:

@@ -8,23 +8,14 @@ enters nothing exists by construction.
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.scenarios.hall import (
-    ANGLE,
-    ASPECT,
-    BOX,
-    RADIUS,
-    SHAPE,
-    Layout,
-    X,
-    Y,
-    hide,
-)
+from hcbf_gym.scenarios import hall
+from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
 
 PASSAGE = 1.0
 """Least passage beside a trap, and between the two [m]."""
 THICKNESS = 0.3
 """Of the walls that a trap is built of [m]."""
-PRIORITIES = (1, 1, 1, 2, 2, 2)
+RANKS = (1, 1, 1, 2, 2, 2)
 """Of the walls of the two traps."""
 KINDS = ("u", "corner", "dead end")
 
@@ -35,24 +26,21 @@ _WIDTH, _LENGTH, _GOAL, _ORDER = range(4)
 _KIND, _ACROSS, _TILT, _SPAN, _DEPTH, _SIDE = range(6)
 
 
-def draw(rng: np.random.Generator) -> Layout:
-    """Return the scene that the generator decides; it gives as many numbers for every scene."""
-    hall = rng.random(4)
-    chances = rng.random((2, 6))
-    goal, regions = np.empty(2), np.empty((len(PRIORITIES), 8))
-    half_width = _lay_out(hall, chances, goal, regions)
-    return Layout(half_width, goal, regions, PRIORITIES)
-
-
-def _lay_out(hall: Array, chances: Array, goal: Array, regions: Array) -> float:
-    """Write the goal and the regions; return the hall's half width."""
-    half_width = 2.9 + 0.4 * hall[_WIDTH]
-    stretching = 1.0 + 0.1 * hall[_LENGTH]
+def draw(generator: np.random.Generator, scene: Scene) -> None:
+    """Fill a scene of two walls and two traps; as many numbers decide every scene."""
+    count = hall.WALLS + len(RANKS)
+    hall.check_count(scene, count, count)
+    scene.ranks[hall.WALLS :] = RANKS
+    goal = scene.goal
+    drawn = generator.random(4)
+    chances = generator.random((2, 6))
+    half_width = 2.9 + 0.4 * drawn[_WIDTH]
+    stretching = 1.0 + 0.1 * drawn[_LENGTH]
     length = 6.8 * stretching
-    goal[0], goal[1] = length, 1.0 * (2.0 * hall[_GOAL] - 1.0)
-    hide(regions, length, half_width)
+    goal[0], goal[1] = length, 1.0 * (2.0 * drawn[_GOAL] - 1.0)
+    regions = hall.build(scene, length, half_width)
     for k in range(2):
-        slot = 3 * k if hall[_ORDER] < 0.5 else 3 - 3 * k
+        slot = 3 * k if drawn[_ORDER] < 0.5 else 3 - 3 * k
         trap = regions[slot : slot + 3]
         back = stretching * BOTTOMS[k]
         kind = KINDS[int(3.0 * chances[k, _KIND])]
@@ -60,7 +48,6 @@ def _lay_out(hall: Array, chances: Array, goal: Array, regions: Array) -> float:
             _dead_end(trap, chances[k], back, goal, half_width)
         else:
             _catch(trap, chances[k], back, goal, kind == "u")
-    return half_width
 
 
 def _catch(trap: Array, chance: Array, back: float, goal: Array, square: bool) -> None:

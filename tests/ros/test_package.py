@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 import hcbf_gym
-from hcbf_gym.cli import COMMANDS
+from hcbf_gym.cli import commands
 from hcbf_gym.ros import filters
 from hcbf_gym.ros.parameters import read
 
@@ -70,4 +70,4 @@ def test_what_setup_names_is_there():
     assert "def main(" in (PACKAGE / "hcbf_ros/filter.py").read_text("utf-8")
     assert (PACKAGE / "resource/hcbf_ros").exists()
     assert 'executable="hcbf_filter"' in (PACKAGE / "launch/filter.launch.py").read_text("utf-8")
-    assert "ros" in COMMANDS
+    assert "ros" in commands()

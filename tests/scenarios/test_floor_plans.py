@@ -11,9 +11,8 @@ from scipy import ndimage
 
 from hcbf_gym import policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.scenarios import floor_plans
-from hcbf_gym.scenarios.floor_plans import APART, CLEAR, FOLDER, NAMES
+from hcbf_gym.maps import Grid, MapClass, RankedMap, floor_plans
+from hcbf_gym.maps.floor_plans import APART, CLEAR, FOLDER, NAMES
 
 
 def script():
@@ -39,8 +38,9 @@ def test_the_plans_are_what_the_script_draws(tmp_path):
 @pytest.mark.parametrize("plan", NAMES)
 def test_start_and_goal_leave_room_and_a_body_gets_from_one_to_the_other(plan):
     floor = floor_plans.load(plan)
-    ways = [floor_plans.draw(plan, np.random.default_rng(seed)) for seed in range(50)]
-    ends = np.array([[way.start, way.goal] for way in ways])
+    family = scenarios.family_of(f"map-{plan}")
+    paths = family.drawn([np.random.default_rng(seed) for seed in range(50)])
+    ends = np.stack([paths.start, paths.goal], axis=1)
     assert floor.distance(ends.reshape(-1, 2)).min() > CLEAR - 0.05
     assert (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= APART).all()
     side = floor.grid.resolution

@@ -12,15 +12,28 @@ from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
 from hcbf_gym.scenarios import clutter, hall, random_scenes, rooms, traps
+from hcbf_gym.scenarios import scene as columns
 
-NAMES = list(scenarios.RANDOM)
-HALLS = {"random": False, "random-moving": True, "random-wide": False}
+NAMES = [name for name in scenarios.families() if not name.startswith("map-")]
+HALLS = ("random", "random-moving", "random-wide")
 SEEDS = range(200)
 CELL = 0.1
 
 
 def scene(seed, name="random"):
     return scenarios.make(name, np.random.default_rng(seed))
+
+
+def drawn(seed, name="random"):
+    return scenarios.family_of(name).drawn([np.random.default_rng(seed)]).one(0)
+
+
+def regions(seed, name="random"):
+    return drawn(seed, name).shapes[hall.WALLS :]
+
+
+def ranks(name="random"):
+    return drawn(0, name).ranks[hall.WALLS :]
 
 
 def rows_at_start(scenario):
@@ -40,10 +53,10 @@ def test_a_seed_decides_the_scene(name):
 def test_the_compiled_scene_is_the_readable_one(name):
     batch = RegionsBatch([scene(0, name)])
     for seed in SEEDS:
-        layout = scenarios.RANDOM[name](np.random.default_rng(seed))
-        batch.set_drawn(0, layout)
+        filled = drawn(seed, name)
+        batch.set_drawn(0, filled)
         batch.restart(np.ones(1, dtype=np.bool_))
-        readable = RegionsBatch([layout.scenario(name)])
+        readable = RegionsBatch([scenarios.family_of(name).scenario(filled)])
         np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
         np.testing.assert_allclose(
             batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
@@ -87,10 +100,9 @@ def test_several_regions_of_several_priorities_stand_in_the_hall():
     for seed in SEEDS:
         scenario = scene(seed)
         half_width = -scenario.barriers[0].offset
-        layout = random_scenes.draw(np.random.default_rng(seed))
-        inside = np.abs(layout.regions[:, 1]) < half_width
+        inside = np.abs(regions(seed)[:, columns.Y]) < half_width
         counts.add(int(inside.sum()))
-        assert {1, 2} <= {random_scenes.PRIORITIES[k] for k in np.flatnonzero(inside)}
+        assert {1, 2} <= set(ranks()[inside].tolist())
     assert counts == {2, 3, 4, 5}
 
 
@@ -144,19 +156,12 @@ def reachable(free, start, goal):
 
 def test_only_relaxed_regions_move_and_only_where_asked():
     speeds = {
-        name: np.array(
-            [
-                np.linalg.norm(
-                    random_scenes.draw(np.random.default_rng(seed), moving).regions[:, 2:4], axis=1
-                )
-                for seed in SEEDS
-            ]
-        )
-        for name, moving in HALLS.items()
+        name: np.linalg.norm([drawn(seed, name).velocities for seed in SEEDS], axis=2)[:, 2:]
+        for name in HALLS
     }
     assert not speeds["random"].any()
     moving = speeds["random-moving"]
-    strict = np.array(random_scenes.PRIORITIES) == 1
+    strict = ranks() == 1
     assert min(strict.sum(), (~strict).sum()) > 1
     assert not moving[:, strict].any()
     assert (moving.max(axis=0)[~strict] > 0.5 * random_scenes.MAX_DRIFT).all()
@@ -166,23 +171,24 @@ def test_only_relaxed_regions_move_and_only_where_asked():
 def test_clutter_holds_15_to_25_regions_of_three_ranks_that_overlap():
     counts, overlaps = set(), 0
     for seed in SEEDS:
-        half_width, _, regions, priorities, _ = clutter.draw(np.random.default_rng(seed))
-        inside = np.abs(regions[:, 1]) < half_width + 1.0
+        filled = drawn(seed, "random-clutter")
+        inside = np.abs(filled.shapes[2:, columns.Y]) < 1.0 - filled.shapes[0, columns.RADIUS]
         counts.add(int(inside.sum()))
-        assert {1, 2, 3} == set(np.array(priorities)[inside].tolist())
-        discs = regions[inside]
-        apart = np.linalg.norm(discs[:, None, :2] - discs[None, :, :2], axis=2)
-        reach = discs[:, None, 5] + discs[None, :, 5]
+        assert {1, 2, 3} == set(filled.ranks[2:][inside].tolist())
+        discs = filled.shapes[2:][inside]
+        at, radius = discs[:, [columns.X, columns.Y]], discs[:, columns.RADIUS]
+        apart = np.linalg.norm(at[:, None] - at[None], axis=2)
+        reach = radius[:, None] + radius
         overlaps += int(((apart < 0.7 * reach).sum() - len(discs)) // 2)
-    assert counts == set(range(clutter.FEWEST, clutter.MOST + 1))
+    assert counts == set(range(15, 26))
     assert overlaps > 5 * len(SEEDS)
 
 
 @pytest.mark.parametrize("kind", ["disc", "ellipse", "polygon", "box"])
 def test_every_shape_occurs_in_a_family(kind):
-    code = {"disc": hall.DISC, "ellipse": hall.ELLIPSE, "box": hall.BOX}.get(kind)
-    draws = (clutter.draw, traps.draw)
-    shapes = {float(s) for d in draws for s in d(np.random.default_rng(0)).regions[:, 4]}
+    code = {"disc": columns.DISC, "ellipse": columns.ELLIPSE, "box": columns.BOX}.get(kind)
+    names = ("random-clutter", "random-traps")
+    shapes = {float(s) for name in names for s in regions(0, name)[:, columns.SHAPE]}
     assert code in shapes if code is not None else max(shapes) >= 3.0
 
 
@@ -202,15 +208,15 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
     env = gym.make("HCBF-A1Regions-v0", scenario="random-wide", body="footprint").unwrapped
     assert 2.0 * env.plant.uncertainty.body + 0.2 < random_scenes.WIDE_GAP
     for seed in SEEDS:
-        near = random_scenes.draw(np.random.default_rng(seed))
-        wide = random_scenes.draw(np.random.default_rng(seed), gap=random_scenes.WIDE_GAP)
-        np.testing.assert_allclose(wide.half_width - near.half_width, random_scenes.WIDE_GAP - 0.8)
-        shape = [hall.SHAPE, hall.ANGLE, hall.ASPECT]
-        np.testing.assert_array_equal(wide.regions[:, shape], near.regions[:, shape])
-        within = np.abs(wide.regions[:, hall.Y]) < wide.half_width
-        clear = wide.half_width - random_scenes.WIDE_GAP + 1e-12
-        strict = within & (np.array(random_scenes.PRIORITIES) == 1)
-        reach = np.abs(wide.regions[:, hall.Y]) + wide.regions[:, hall.RADIUS]
+        near, wide = regions(seed), regions(seed, "random-wide")
+        near_half, half = (-drawn(seed, n).shapes[0, columns.RADIUS] for n in HALLS[::2])
+        np.testing.assert_allclose(half - near_half, random_scenes.WIDE_GAP - 0.8)
+        shape = [columns.SHAPE, columns.ANGLE, columns.ASPECT]
+        np.testing.assert_array_equal(wide[:, shape], near[:, shape])
+        within = np.abs(wide[:, columns.Y]) < half
+        clear = half - random_scenes.WIDE_GAP + 1e-12
+        strict = within & (ranks() == 1)
+        reach = np.abs(wide[:, columns.Y]) + wide[:, columns.RADIUS]
         assert strict.any()
         assert (reach[strict] <= clear).all()
 
@@ -218,14 +224,14 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
 def test_a_floor_has_doors_open_and_shut_and_differs_in_every_episode():
     shut, starts = set(), set()
     for seed in SEEDS:
-        layout = rooms.draw(np.random.default_rng(seed))
-        walls = layout.regions[2 : 2 + rooms.INNER]
-        lengths = 2.0 * walls[: 2 * rooms.COLUMNS, hall.RADIUS].reshape(rooms.COLUMNS, 2)
-        apart = np.diff(walls[: 2 * rooms.COLUMNS, hall.X].reshape(rooms.COLUMNS, 2))[:, 0]
+        layout = drawn(seed, "random-map")
+        walls = regions(seed, "random-map")[2 : 2 + rooms.INNER]
+        lengths = 2.0 * walls[: 2 * rooms.COLUMNS, columns.RADIUS].reshape(rooms.COLUMNS, 2)
+        apart = np.diff(walls[: 2 * rooms.COLUMNS, columns.X].reshape(rooms.COLUMNS, 2))[:, 0]
         gaps = apart - lengths.mean(axis=1)
         assert ((np.abs(gaps) < 1e-9) | (gaps > 2.0 * rooms.CLEAR - 1e-9)).all()
         shut.add(int((gaps < 1e-9).sum()))
-        starts.add(layout.start)
+        starts.add(tuple(layout.start))
         assert np.linalg.norm(layout.goal - layout.start) > rooms.CLEAR
     assert {0, 1, 2} <= shut
     assert len(starts) == len(SEEDS)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hcbf_gym.arguments import check
-from hcbf_gym.cli import COMMANDS
+from hcbf_gym.cli import commands
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import chunks
@@ -197,7 +197,7 @@ def test_settings_that_are_broken_or_foreign_are_refused(tmp_path, text):
 )
 def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, arguments, message):
     open_folder(tmp_path, {"study": "something else"})
-    module = importlib.import_module(COMMANDS[script].module)
+    module = importlib.import_module(commands()[script].module)
     args = module.Args(output=tmp_path, **arguments)
 
     def run():

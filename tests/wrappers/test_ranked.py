@@ -7,7 +7,7 @@ import pytest
 from hcbf_gym.barriers import BarrierSet, Disc, SpeedLimit
 from hcbf_gym.envs import task
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.scenarios import RANDOM
+from hcbf_gym.scenarios import families
 from hcbf_gym.wrappers import (
     HoldAction,
     RankedObservation,
@@ -81,7 +81,7 @@ def test_a_held_decision_costs_what_its_steps_do():
     np.testing.assert_allclose(info["costs"], sum(step["costs"] for step in infos))
 
 
-@pytest.mark.parametrize("family", sorted(RANDOM))
+@pytest.mark.parametrize("family", sorted(families()))
 def test_observations_of_all_random_scenes_have_one_length_and_tell_the_ranks(family):
     env = RankedObservation(gym.make(ROM, scenario=family))
     observation, info = env.reset(seed=3)

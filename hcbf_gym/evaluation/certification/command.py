@@ -72,7 +72,7 @@ class Args:
     calibration: Annotated[int, Range(0, MOST)] = 200
     """Episodes of each round that sets the margins; 0 takes the plant's own."""
     scenes: tuple[str, ...] = ()
-    """Families of random scenes; all that are covered if not given."""
+    """Families of random scenes, FILE.py:FAMILY of your own too; all covered ones if not given."""
     policies: tuple[str, ...] = ()
     """Attacks and policies, each as likely; all that can act in these scenes if not given. Your own
     too: file.py:function, module:function, model.zip, policy.onnx, policy.pt; a zip and a .pt hold

@@ -10,16 +10,22 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import policies, records, scenarios
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, choose, finite_float
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    UnknownNameError,
+    choose,
+    finite_float,
+)
 from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
 from hcbf_gym.evaluation.certification import own
 from hcbf_gym.evaluation.certification.exact_path import EachMillisecond
 from hcbf_gym.evaluation.certification.mixture import SCENES, A1Mixture
+from hcbf_gym.evaluation.environments import ENVIRONMENTS
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
-from hcbf_gym.robots.walker import Walker
 
 STREAM = 41
 """Sets a family's draws apart from those that the environment makes with the same seed."""
@@ -167,7 +173,11 @@ class SceneFamily:
         object.__setattr__(self, "scenes", _shares("scenes", self.scenes))
         object.__setattr__(self, "policies", _shares("policies", self.policies))
         for name, _ in self.scenes:
-            choose("family of scenes", name, scenarios.RANDOM | scenarios.PLANS)
+            if scenarios.family_of(name) is None:
+                raise UnknownNameError(
+                    f"unknown family of scenes: got {name!r}, expected one of "
+                    f"{scenarios.families()}, or file.py:name or module:name of your own"
+                )
         if self.caps is not None:
             low, high = (finite_float("caps", cap, minimum=0.0) for cap in self.caps)
             if low > high:
@@ -199,7 +209,8 @@ class SceneFamily:
         Args:
             declared: what the plant of one of them declares.
         """
-        wanted = dict(declared) | {"scene": {"any of": [name for name, _ in self.scenes]}}
+        scenes = [family.identity for family in self._families]
+        wanted = dict(declared) | {"scene": {"any of": scenes}}
         if self.caps is not None:
             wanted["v_max"] = {"from": self.caps[0], "to": self.caps[1]}
         return wanted
@@ -225,8 +236,15 @@ class SceneFamily:
     @property
     def files(self) -> list[Path]:
         """The user's files that decide the episodes."""
-        robot = Walker.load(self.options["robot"]).files if "robot" in self.options else []
-        return robot + _files_of(self.policies)
+        robot = ENVIRONMENTS[self.env].files(self.options)
+        scenes = [file for family in self._families for file in family.files]
+        return robot + scenes + _files_of(self.policies)
+
+    @property
+    def _families(self) -> list[scenarios.Family]:
+        """The families of its scenes."""
+        found = (scenarios.family_of(name) for name, _ in self.scenes)
+        return [family for family in found if family is not None]
 
 
 def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> Shares:

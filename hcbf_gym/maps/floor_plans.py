@@ -7,17 +7,14 @@ from start to goal without entering anything: zones, too, leave a way.
 import json
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array, Integers, Mask, Pair
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import RankedMap
-from hcbf_gym.scenarios.hall import V_MAX
-from hcbf_gym.scenarios.references import PointReference
-from hcbf_gym.scenarios.scenario import Scenario
+from hcbf_gym.maps.ranked_map import RankedMap
 
 NAMES = ("flat", "office", "warehouse")
 FOLDER = Path(__file__).parent / "plans"
@@ -31,46 +28,14 @@ APART = 3.0
 _TRIES = 16
 
 
-class Route(NamedTuple):
-    """A start and a goal on a map.
-
-    Attributes:
-        map: the floor.
-        start: (x, y) [m].
-        goal: (2,) [m].
-    """
-
-    map: RankedMap
-    start: Pair
-    goal: Array
-
-    def scenario(self, name: str) -> Scenario:
-        """Return the scene as a `Scenario` of the given name."""
-        return Scenario(
-            name=name,
-            barriers=(),
-            reference=PointReference(tuple(self.goal)),
-            start=self.start,
-            task="reach",
-            v_max=V_MAX,
-            map=self.map,
-        )
-
-    def write(self, kind: Integers, parameters: Array) -> None:
-        """Leave the barriers as they are: those of the map, which stays."""
-
-
-def draw(plan: str, rng: np.random.Generator) -> Route:
-    """Return another way through a plan, one of `NAMES`."""
-    return through(load(plan), rng)
-
-
-def through(floor: RankedMap, rng: np.random.Generator) -> Route:
-    """Return another way through a map.
+def through(floor: RankedMap, rng: np.random.Generator, start: Array, goal: Array) -> None:
+    """Draw another path through a map.
 
     Args:
         floor: the map.
-        rng: gives as many numbers for every way.
+        rng: gives as many numbers for every path.
+        start: (2,) where the path's start is written [m].
+        goal: (2,) likewise.
 
     Raises:
         InvalidInputError: if there is no place for a body.
@@ -80,7 +45,12 @@ def through(floor: RankedMap, rng: np.random.Generator) -> Route:
     apart = np.linalg.norm(np.array(others) - first, axis=1)
     far = np.flatnonzero(apart >= APART)
     last = others[far[0] if far.size else int(np.argmax(apart))]
-    return Route(floor, (float(first[0]), float(first[1])), last.copy())
+    start[:], goal[:] = first, last
+
+
+def draw(plan: str, rng: np.random.Generator, scene: Any) -> None:
+    """Fill start and goal of a scene with another path through a plan, one of `NAMES`."""
+    through(load(plan), rng, scene.start, scene.goal)
 
 
 @cache
@@ -109,11 +79,6 @@ def described(data: object) -> RankedMap:
 @lru_cache(maxsize=8)
 def _described(text: str) -> RankedMap:
     return RankedMap.from_dict(json.loads(text))
-
-
-def name_of(data: Any) -> str:
-    """Return what a scene in a described map is called: its file's name without the ending."""
-    return Path(str(data.get("file", "map"))).stem
 
 
 @lru_cache(maxsize=8)

@@ -1,0 +1,49 @@
+"""Environments by id, with what commands ask of them; a package of robots registers its own."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hcbf_gym.errors import InvalidInputError
+
+
+def _no_files(options: Mapping[str, Any]) -> list[Path]:
+    return []
+
+
+class Known(NamedTuple):
+    """What commands know of an environment.
+
+    Attributes:
+        robot: what moves in it; None where the argument `robot` decides.
+        options: those arguments of `hcbf evaluate` that the environment takes.
+        files: (arguments of the environment) → the user's files that decide what it does.
+    """
+
+    robot: str | None
+    options: tuple[str, ...] = ()
+    files: Callable[[Mapping[str, Any]], list[Path]] = _no_files
+
+
+ENVIRONMENTS: dict[str, Known] = {}
+"""id → what commands know of it."""
+
+
+def register(env: str, known: Known) -> None:
+    """Let `hcbf evaluate` and others take an environment of Gymnasium's registry.
+
+    Args:
+        env: its id; it takes `scenario` and `render_mode`.
+        known: of it.
+
+    Raises:
+        InvalidInputError: if the id is taken.
+    """
+    if ENVIRONMENTS.setdefault(env, known) is not known:
+        raise InvalidInputError(
+            f"environment: got {env!r}, expected an id that is not registered: {list(ENVIRONMENTS)}"
+        )
+
+
+register("HCBF-A1Regions-v0", Known("Unitree A1", ("feedback", "body")))
+register("HCBF-Regions-v0", Known("reduced-order model"))
