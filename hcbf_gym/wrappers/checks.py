@@ -34,7 +34,7 @@ def real_input(action: object, shape: tuple[int, ...]) -> Array:
         InvalidInputError: if it is not an array of 32 or 64 bits of that shape.
     """
     if type(action) is np.ndarray and action.dtype in _FLOATS and action.shape == shape:
-        return action.astype(np.float64)
+        return action.astype(_FLOATS[0])
     return floats("action", action, shape).astype(np.float64)
 
 
@@ -53,18 +53,6 @@ def plant_of(env: object) -> Plant:
             * isinstance(env, VectorEnv)
         )
     return plant
-
-
-def check_begun(begun: bool) -> None:
-    """Refuse a step before a reset, or after one that failed.
-
-    Raises:
-        InvalidInputError: if no episode has begun.
-    """
-    if not begun:
-        raise InvalidInputError(
-            "safety filter: got a step before a reset that succeeded, expected reset() first"
-        )
 
 
 def check_order(env: Any) -> None:

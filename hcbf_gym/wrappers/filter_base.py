@@ -10,7 +10,7 @@ from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
-from hcbf_gym.errors import count, instance
+from hcbf_gym.errors import InvalidInputError, count, instance
 from hcbf_gym.filtering.certified import Earned, certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.model_core import ModelCore
@@ -21,7 +21,6 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
 from hcbf_gym.wrappers.checks import (
-    check_begun,
     check_observations,
     check_order,
     check_spaces,
@@ -154,7 +153,10 @@ class FilterBase:
         Raises:
             InvalidInputError: if no episode has begun, or u* is not made of finite numbers.
         """
-        check_begun(self._begun)
+        if not self._begun:
+            raise InvalidInputError(
+                "safety filter: got a step before a reset that succeeded, expected reset() first"
+            )
         plant = self.plant
         wanted = action if plant.from_action is None else plant.from_action(action)
         u_nominal = real_input(wanted, self._shape)
