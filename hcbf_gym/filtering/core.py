@@ -305,7 +305,7 @@ class FilterCore(Configured, ABC):
 
     def _filter(self, scene: SceneArrays, own: Array) -> int:
         """Filter the plants; return what is to be done, as `bound` has it."""
-        compiled = self._bound.of(self._words, self._program, self._samples, self._buffer)
+        compiled = self._filter_of
         self._bound.see(compiled, scene, own)
         if self._solver is None:
             return compiled.filter()

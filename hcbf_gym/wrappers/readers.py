@@ -12,7 +12,6 @@ from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.errors import SafetyWarning, warn_caller
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 
-
 Seen = tuple[Any, Estimate, tuple[Any, Any] | None]
 """Barriers, estimate, and goal and extent where guidance leads; of a reader that raised None, of an
 extent NaN."""
