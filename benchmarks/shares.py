@@ -83,8 +83,8 @@ def shares() -> list[dict[str, Any]]:
     times = {
         "the action, as an array of numbers": _time(lambda: checks.real_input(u, (2,))),
         "the plant's readers": _time(sense),
-        "taking the estimate": _time(lambda: samples.take(estimate, None)),
-        "taking the barriers": _time(lambda: core._note_news(core._read_barriers(barriers))),
+        "taking the estimate": (taking := _time(lambda: samples.take(estimate, None))),
+        "taking the barriers": _time(lambda: core._take(barriers, estimate, None)) - taking,
         "crossing into compiled code": (crossing := _time(refuse())) - _time(later),
         "margins, rows, program, monitor": _time(accept()) - crossing,
         "the report": _time(buffer.report),

@@ -7,7 +7,6 @@ step stands here and in what this file calls.
 import math
 import operator
 from abc import ABC, abstractmethod
-from collections import Counter
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
@@ -171,7 +170,8 @@ class FilterCore(Configured, ABC):
             InvalidInputError: if barriers ask for what cannot be, or leave an input to the policy
                 that moves them later.
         """
-        self._renew()
+        if not self._alone:
+            self._renew()
         self._take(barriers, estimate, since)
         refusal = self._refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
@@ -212,7 +212,8 @@ class FilterCore(Configured, ABC):
         """
         buffer = self._buffer
         self._world = world
-        self._renew()
+        if not self._alone:
+            self._renew()
         self._take(barriers, estimate, since)
         scene = self._scene
         if scene.kind.shape[1] != self._m:
@@ -264,10 +265,9 @@ class FilterCore(Configured, ABC):
 
     def _renew(self) -> None:
         """Give a batch's next report memory of its own: the user has that of the last one."""
-        if not self._alone:
-            self._buffer.renew()
-            self._buffer.plants["alpha1_scale"] = self.alpha1_scale
-            self.covering.tell(self._buffer.plants)
+        self._buffer.renew()
+        self._buffer.plants["alpha1_scale"] = self.alpha1_scale
+        self.covering.tell(self._buffer.plants)
 
     @abstractmethod
     def _make_room(self, m: int) -> None:
@@ -320,8 +320,11 @@ class FilterCore(Configured, ABC):
                 told["u_safe"][i] = self._samples.input[i] = u
                 told["intervention"][i] = np.linalg.norm(u - told["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
-        for reason, count in sorted(Counter(told["reason"].tolist()).items()):
-            self._warnings.warn(reason, count, lambda reason: self._cause(reason, estimate))
+        reasons = told["reason"].tolist()
+        for reason in sorted(set(reasons)):
+            self._warnings.warn(
+                reason, reasons.count(reason), lambda reason: self._cause(reason, estimate)
+            )
 
     def _cause(self, reason: int, estimate: Estimate) -> str:
         """Return what exactly is wrong of the first plant with a reason; "" for no more."""
@@ -369,7 +372,8 @@ class FilterCore(Configured, ABC):
         was_far = samples.origin.is_far
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
         self._rebased = samples.origin.is_far != was_far
-        differs = barriers is not given or given.edits != self._edits or given.may_change
+        listed = barriers is given or (not samples.origin.is_far and _same(barriers, self._listed))
+        differs = not listed or given.edits != self._edits or given.may_change
         if differs or self._placing.is_due or self._placing.is_edited(given):
             self._take_barriers(barriers, since)
         if self._scans or self._first:

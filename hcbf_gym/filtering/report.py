@@ -24,6 +24,7 @@ ROW = record_type("report.Row")
 
 _ROWS = ROW.names or ()
 _PLANTS = PLANT.names or ()
+_SCALARS = _PLANTS[:-2]
 _WORD = 8  # bytes of a number or a code
 ROW_WORDS = ROW.itemsize // _WORD
 """Numbers of a row."""
@@ -59,6 +60,7 @@ class ReportBuffer:
         self.plants[...] = told
         if self._alone:
             self._places = _places(self._dtype, m)
+            self._reported, self._scalars = b"", {}
 
     def renew(self) -> None:
         """Take memory of its own for the next report."""
@@ -70,7 +72,7 @@ class ReportBuffer:
         """Let the two records be parts of one memory, which is copied at once."""
         words = self._count * self._dtype.itemsize // _WORD
         self._numbers = memory
-        self._codes = memory.view(np.int64)
+        self._head = memory[1 : len(_SCALARS)]
         plants, rows = memory[:words], memory[words:]
         self.words = (
             plants.reshape(self._count, -1),
@@ -82,7 +84,7 @@ class ReportBuffer:
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; its records look into its own memory."""
-        parts = ("plants", "rows", "u_nominal", "words", "_codes")
+        parts = ("plants", "rows", "u_nominal", "words", "_head")
         return {name: value for name, value in vars(self).items() if name not in parts}
 
     def __setstate__(self, state: dict[str, object]) -> None:
@@ -94,25 +96,23 @@ class ReportBuffer:
         if not self._alone:
             report = {name: self.plants[name] for name in _PLANTS}
             return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
-        report = _BLANK.copy()
+        head = self._head.tobytes()
+        if head != self._reported:
+            self._reported = head
+            self._scalars = {name: self.plants[name][0] for name in _SCALARS}
+        report = self._scalars.copy()
         numbers = self._numbers.copy()
-        codes = self._codes
-        for name, place, is_code in self._places:
-            report[name] = codes[place] if is_code else numbers[place]
+        for name, place in self._places:
+            report[name] = numbers[place]
         return report
 
 
-_BLANK = dict.fromkeys((*_PLANTS, *_ROWS))
-
-
-def _places(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice, bool]]:
-    """Return where one plant's memory holds each field, and whether that is a code."""
+def _places(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice]]:
+    """Return where one plant's memory holds the fields that differ from step to step."""
     start, step = dtype.itemsize // _WORD, ROW_WORDS
-    places: list[tuple[str, int | slice, bool]] = []
-    for name, (kind, offset, *_) in (dtype.fields or {}).items():
-        at = offset // _WORD
-        size = kind.itemsize // _WORD
-        places.append((name, slice(at, at + size) if kind.shape else at, kind == np.int64))
-    for k, name in enumerate(_ROWS):
-        places.append((name, slice(start + k, start + k + m * step, step), False))
-    return places
+    n_u, at = dtype["u_safe"].shape[0], len(_SCALARS)
+    places: list[tuple[str, int | slice]] = [("intervention", 0)]
+    places += [("u_nominal", slice(at, at + n_u)), ("u_safe", slice(at + n_u, at + 2 * n_u))]
+    return places + [
+        (name, slice(start + k, start + k + m * step, step)) for k, name in enumerate(_ROWS)
+    ]

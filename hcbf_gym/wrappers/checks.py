@@ -24,6 +24,8 @@ TRANSFORM = (
     gym.wrappers.MaxAndSkipObservation,
 )
 """Wrappers that make other observations, also where the space is the same."""
+OBSERVATION, INFO = 1, 2
+"""Places of a reader's arguments."""
 JOINED = "; around single environments put a SafetyFilter on each before they are joined"
 
 
@@ -34,7 +36,7 @@ def real_input(action: object, shape: tuple[int, ...]) -> Array:
         InvalidInputError: if it is not an array of 32 or 64 bits of that shape.
     """
     if type(action) is np.ndarray and action.dtype in _FLOATS and action.shape == shape:
-        return action.astype(np.float64)
+        return action.astype(_FLOATS[0])
     return floats("action", action, shape).astype(np.float64)
 
 
@@ -53,18 +55,6 @@ def plant_of(env: object) -> Plant:
             * isinstance(env, VectorEnv)
         )
     return plant
-
-
-def check_begun(begun: bool) -> None:
-    """Refuse a step before a reset, or after one that failed.
-
-    Raises:
-        InvalidInputError: if no episode has begun.
-    """
-    if not begun:
-        raise InvalidInputError(
-            "safety filter: got a step before a reset that succeeded, expected reset() first"
-        )
 
 
 def check_order(env: Any) -> None:
@@ -104,7 +94,7 @@ def check_observations(env: Any, plant: Plant) -> None:
         InvalidInputError: if a wrapper inside transforms observations, and a reader reads them.
     """
     fields = ("state", "barriers", "goal", "extent")
-    reading = [name for name in fields if reads_observation(getattr(plant, name))]
+    reading = [name for name in fields if reads(getattr(plant, name), OBSERVATION)]
     wrapper = _transforming(env)
     if reading and wrapper is not None:
         name = type(wrapper).__name__
@@ -126,17 +116,17 @@ def _transforming(env: Any) -> Any:
     return next(filter(None, map(_transforming, singles)), None)
 
 
-def reads_observation(reader: object) -> bool:
-    """Return whether a reader (env, observation, info) of a plant may read the observation.
+def reads(reader: object, at: int) -> bool:
+    """Return whether a reader (env, observation, info) of a plant may read one of its arguments.
 
     Its own code decides. Where that is not known, as of a callable of C, it may.
 
     Args:
         reader: a function, or what is no reader.
+        at: which argument.
     """
     if not callable(reader):
         return False
-    at = 1
     while isinstance(reader, functools.partial):
         at += len(reader.args)
         reader = reader.func

@@ -10,7 +10,7 @@ from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
-from hcbf_gym.errors import count, instance
+from hcbf_gym.errors import InvalidInputError, count, instance
 from hcbf_gym.filtering.certified import Earned, certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.model_core import ModelCore
@@ -21,13 +21,15 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
 from hcbf_gym.wrappers.checks import (
-    check_begun,
+    INFO,
+    OBSERVATION,
     check_observations,
     check_order,
     check_spaces,
     check_type,
     input_set_of,
     plant_of,
+    reads,
     real_input,
 )
 from hcbf_gym.wrappers.readers import Readers, copied
@@ -95,7 +97,8 @@ class FilterBase:
         self._covers_anew = own and not isinstance(plant.covered, Earned) and not self._limits
         read_now = plant.barriers, plant.state, plant.goal, plant.extent
         others = [one for one in read_now if callable(one) and one not in READERS]
-        self._copies = bool(others) or self._covers_anew
+        others += [plant.covered] * self._covers_anew
+        self._copies = {at: any(reads(one, at) for one in others) for at in (OBSERVATION, INFO)}
 
     @property
     def input_set(self) -> InputSet:
@@ -126,9 +129,8 @@ class FilterBase:
 
     def _see(self, observation: object, info: Info) -> None:
         """Note what readers look at before the next action; the caller may change what it has."""
-        if self._copies:
-            observation, info = copied(observation), copied(info)
-        self._observation, self._info = observation, info
+        self._observation = copied(observation) if self._copies[OBSERVATION] else observation
+        self._info = copied(info) if self._copies[INFO] else info
 
     def _begin(self, mask: Mask, joins: bool = False) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states.
@@ -154,7 +156,10 @@ class FilterBase:
         Raises:
             InvalidInputError: if no episode has begun, or u* is not made of finite numbers.
         """
-        check_begun(self._begun)
+        if not self._begun:
+            raise InvalidInputError(
+                "safety filter: got a step before a reset that succeeded, expected reset() first"
+            )
         plant = self.plant
         wanted = action if plant.from_action is None else plant.from_action(action)
         u_nominal = real_input(wanted, self._shape)

@@ -3,28 +3,18 @@
 import math
 from collections.abc import Mapping
 from copy import copy
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.errors import SafetyWarning, warn_caller
-from hcbf_gym.models.plant import Coverage, Estimate, Plant, read
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
 
-
-class Seen(NamedTuple):
-    """What a plant's readers return at one step; None for one that raised, NaN for an extent.
-
-    Attributes:
-        barriers: the ranked conditions.
-        estimate: of the state.
-        world: goal and extent, where guidance leads.
-    """
-
-    barriers: Any
-    estimate: Estimate
-    world: tuple[Any, Any] | None
+Seen = tuple[Any, Estimate, tuple[Any, Any] | None]
+"""Barriers, estimate, and goal and extent where guidance leads; of a reader that raised None, of an
+extent NaN."""
 
 
 class Readers:
@@ -49,15 +39,13 @@ class Readers:
             first: whether nothing has been filtered yet: what a reader raises is raised.
         """
         plant, seen = self._plant, (env, observation, info)
-        barriers = plant.barriers
-        if callable(barriers):
-            barriers = self._read("barriers", barriers, seen, first)
+        barriers = self._read("barriers", plant.barriers, seen, first)
         state = self._read("state", plant.state, seen, first)
         world = None
         if self._guides:
             goal = self._read("goal", plant.goal, seen, first)
             world = goal, self._read("extent", plant.extent, seen, first, unknown=math.nan)
-        return Seen(barriers, state if isinstance(state, Estimate) else Estimate(state), world)
+        return barriers, state if isinstance(state, Estimate) else Estimate(state), world
 
     def covered(self, env: object, observation: object, info: Info, first: bool) -> Any:
         """Return whether the promise was tested for the episodes that begin."""
@@ -72,9 +60,11 @@ class Readers:
         first: bool,
         unknown: float | None = None,
     ) -> Any:
-        """Return what a field of the plant says now, `unknown` where its reader raises."""
+        """Return a field of the plant as it is now, `unknown` where its reader raises."""
+        if not callable(source):
+            return source
         try:
-            return read(source, *seen)
+            return source(*seen)
         except Exception as error:  # whatever a user's sensor raises, the robot has to stop
             if first:
                 error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
@@ -95,6 +85,10 @@ class Readers:
 
 def copied(value: Any) -> Any:
     """Return a value with copies of the arrays in it, and of what holds them; the rest as it is."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if type(value) is dict:
+        return {name: copied(one) for name, one in value.items()}
     if isinstance(value, dict):
         kept = copy(value)  # of its own kind
         kept.update((name, copied(one)) for name, one in value.items())
@@ -104,8 +98,6 @@ def copied(value: Any) -> Any:
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     if isinstance(value, list):
         return list(map(copied, value))
-    if isinstance(value, np.ndarray):
-        return value.copy()
     return value.clone() if callable(getattr(value, "clone", None)) else value  # a tensor
 
 

@@ -16,6 +16,7 @@ from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filtering.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.arguments import record
+from hcbf_gym.wrappers.checks import INFO
 from hcbf_gym.wrappers.filter_base import FilterBase
 from hcbf_gym.wrappers.readers import joined, reported
 
@@ -125,7 +126,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         """
         before = self._info
         super()._see(observation, info)
-        if self._copies:
+        if self._copies[INFO]:
             self._info = reported(self._info)
             if begins is not None and not begins.all():
                 self._info = joined(self._info, before, begins)

@@ -11,7 +11,7 @@ from point_mass import DISC, Point
 import hcbf_gym
 from hcbf_gym import models, wrappers
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.wrappers.checks import reads_observation
+from hcbf_gym.wrappers.checks import INFO, OBSERVATION, reads
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Gymnasium's, of rounded bounds
 
@@ -97,12 +97,20 @@ NOT_READING = {
 
 @pytest.mark.parametrize("reader", READING)
 def test_a_reader_of_the_observation_is_known_by_its_code(reader):
-    assert reads_observation(READING[reader])
+    assert reads(READING[reader], OBSERVATION)
 
 
 @pytest.mark.parametrize("reader", NOT_READING)
 def test_a_reader_of_anything_else_is_known_by_its_code(reader):
-    assert not reads_observation(NOT_READING[reader])
+    assert not reads(NOT_READING[reader], OBSERVATION)
+
+
+def test_a_reader_of_the_info_is_known_by_its_code():
+    reading = [name for name, reader in NOT_READING.items() if reads(reader, INFO)]
+    assert reading == ["the info"]
+    assert all(
+        reads(READING[name], INFO) for name in ("all arguments", "what follows", "forwarded")
+    )
 
 
 def plant(state, listed=(DISC,)):
