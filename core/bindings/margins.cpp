@@ -2,7 +2,7 @@
 #include "bindings.hpp"
 
 #include <hcbf/mapped.hpp>
-#include <hcbf/model_margins.hpp>
+#include <hcbf/margins.hpp>
 #include <hcbf/pieces.hpp>
 
 namespace hcbf {
@@ -30,19 +30,6 @@ void reserved(const Line& settings, const Numbers<const Index, 2>& kind, const S
     margins::derive(uncertainty(settings), view(kind)[i], view(parameters)[i], known, period,
                     margins::reserved(view(out), i));
   }
-}
-
-void of_models(const Line& settings, const Numbers<const Index, 2>& kind, const Stack& parameters,
-               const Table& least, const Stack& gradient, const Table& bend, Index n_p, const Table& x,
-               const Line& time, const Table& lag, const Table& off, const Stack& slip, const Stack& state,
-               const Stack& drift, const Line& growth, const Numbers<const double, 4>& turns, double period,
-               const Numbers<double, 3>& out) {
-  const model_margins::Rows rows{view(kind), view(parameters), view(least), view(gradient), view(bend), n_p};
-  const Index n = view(x).columns;
-  const Cube<const double> turning{turns.data(), Index(turns.shape(0) * turns.shape(1)), n, n};
-  const model_margins::Several several{view(x),     view(time),  view(lag),    view(off), view(slip),
-                                       view(state), view(drift), view(growth), turning};
-  model_margins::of_models(uncertainty(settings), rows, several, period, view(out));
 }
 
 auto nearby(const Line& settings, const Line& rows, double radius, const Numbers<const Index, 1>& kind,
@@ -83,10 +70,6 @@ void bind_margins(nb::module_& m) {
   m.def("margins_reserved", &reserved, "settings"_a, "kind"_a, "parameters"_a, "x"_a, "t"_a, "model"_a,
         "lag"_a, "covariance"_a, "growth"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
         "Write m, ṁ, m̈ and leaning (4, N, m) of the rows of N planar double integrators.");
-  m.def("margins_of_models", &of_models, "settings"_a, "kind"_a, "parameters"_a, "least"_a, "gradient"_a,
-        "bend"_a, "n_p"_a, "x"_a, "time"_a, "lag"_a, "off"_a, "slip"_a, "state"_a, "drift"_a, "growth"_a,
-        "turns"_a, "period"_a, nb::arg("out").noconvert(), Unlocked(),
-        "Write (N, m, 6) m, ṁ, m̈, leaning, the body's part and 1 for too fast, of N plants of any model.");
   m.def("map_nearby", &nearby, "settings"_a, "rows"_a, "radius"_a, "kind"_a, "parameters"_a, "priority"_a,
         "own_margin"_a, "atlas"_a, "x"_a, "model"_a, "lag"_a, "covariance"_a, "growth"_a,
         "Return kind, parameters, priority, own margin and source of the conditions near a state.");

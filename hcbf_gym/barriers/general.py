@@ -338,10 +338,7 @@ class GeneralRows:
         """Let rows ask for a stop where ψ_1 is below zero."""
         for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (prepared.scene.degree == 2)):
             row = out[i, k]
-            alpha2_psi, kept = float(row[ALPHA2_PSI]), float(row[H] - row[MARGIN])
-            rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
-            lost = float(row[B]) + alpha2_psi + self.alpha1.derivative(kept) * rate
-            row[B] = max(float(row[B]), _core.row_late(kept, rate, lost, most(row[WIDTH:])))
+            _core.recover_row(self._alphas, most(row[WIDTH:]), row)
 
     def prepare(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
         """Return what is known of N scenes, looked up once while these are the same."""
