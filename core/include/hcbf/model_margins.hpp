@@ -115,7 +115,7 @@ class Reserve {
     x_ = lag_ = body_;
     f_.resize(points * n), g_.resize(points * n * n_u);
     f_own_.resize(count * n), g_own_.resize(count * n * n_u);
-    slip_.resize(count * (1 + n_u) * model.n_p);
+    slip_.resize(count * (1 + n_u) * n);
     state_.resize(count * n * n), drift_ = state_;
     turns_.resize(count * n_u * n * n);
     points_.resize(points * n), turned_.resize(n * n), vectors_ = turned_, slope_.resize(n);
@@ -148,7 +148,7 @@ class Reserve {
                           {time.data(), count_},
                           {lag_.data(), count_, n},
                           {off_.data(), count_, n},
-                          {slip_.data(), count_, 1 + n_u, model_.n_p},
+                          {slip_.data(), count_, 1 + n_u, n},
                           {state_.data(), count_, n, n},
                           drift(),
                           {growth.data(), count_},
@@ -160,14 +160,14 @@ class Reserve {
   const double period;  // T [s]
 
  private:
-  // The body's ṗ minus the model's.
+  // The body's ẋ minus the model's: regions read two states as a position, whatever n_p is.
   void compare(Matrix<const double> own) {
-    const Index n = model_.n, n_u = model_.n_u, placed = model_.n_p;
+    const Index n = model_.n, n_u = model_.n_u;
     model_.terms({body_.data(), count_, n}, {f_.data(), count_, n}, {g_.data(), count_, n, n_u});
     model_.terms(own, {f_own_.data(), count_, n}, {g_own_.data(), count_, n, n_u});
-    const Cube<double> slip{slip_.data(), count_, 1 + n_u, placed};
+    const Cube<double> slip{slip_.data(), count_, 1 + n_u, n};
     for (Index i = 0; i < count_; ++i)
-      for (Index j = 0; j < placed; ++j) {
+      for (Index j = 0; j < n; ++j) {
         const Index at = i * n + j;
         slip(i, 0, j) = f_[at] - f_own_[at];
         for (Index s = 0; s < n_u; ++s)
