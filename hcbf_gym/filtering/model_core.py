@@ -10,8 +10,9 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.general import GeneralRows, Prepared, check_barriers
+from hcbf_gym.barriers.general import GeneralRows, check_barriers
 from hcbf_gym.barriers.general_kernels import PLACED, WIDTH
+from hcbf_gym.barriers.prepared import Prepared
 from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Entry, Known, largest, slopes
@@ -60,7 +61,7 @@ class ModelCore(FilterCore):
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; its step is compiled anew."""
-        return vars(self) | {"_step": self._step.memory()}
+        return {**vars(self), "_step": self._step.memory()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)

@@ -37,7 +37,8 @@ class Answers:
     def terms(self, x: Array) -> tuple[Array, Array]:
         """Return f (N, n) and g (N, n, n_u)."""
         shapes = (self._n,), (self._n, self._n_u)
-        return _each(self._model.terms_of, len(x), shapes, x)
+        f, g = _each(self._model.terms_of, len(x), shapes, x)
+        return f, g
 
     def jacobians(self, x: Array) -> Array:
         """Return ∂f/∂x (N, n, n)."""
