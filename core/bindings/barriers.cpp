@@ -171,6 +171,13 @@ void bind_general_rows(nb::module_& m) {
       "Write the rows (N, m, WIDTH + n_u) of N states, and return whether a ψ_1 of one is below zero.");
   m.def("function_rows", &general_rows::take_rows, "made"_a, "degrees"_a, "alpha2"_a, "out"_a,
       "Write rows of functions (N, m, WIDTH + n_u), and return whether a ψ_1 of one is below zero.");
+  m.def(
+      "recover_row",
+      [](const Table& alphas, double most, const Written& row) {
+        general_rows::recover(alpha(view(alphas)[0].data), alpha(view(alphas)[1].data), most, row.data());
+      },
+      "alphas"_a, "most"_a, "row"_a.noconvert(),
+      "Let a row (WIDTH + n_u,) of degree 2 with ψ_1 < 0 request a stop; an input of U gives `most` of a·u.");
 }
 
 // Where Python and C++ have the same numbers, as MODULE.NAME of `hcbf_gym.barriers`; the columns of shapes

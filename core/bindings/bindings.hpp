@@ -51,6 +51,7 @@ void bind_programs(nb::module_& m);
 void bind_barriers(nb::module_& m);
 void bind_layers(nb::module_& m);
 void bind_margins(nb::module_& m);
+void bind_model_step(nb::module_& m);
 void bind_filter(nb::module_& m);
 void bind_layouts(nb::module_& m);
 void bind_monitors(nb::module_& m);

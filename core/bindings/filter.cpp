@@ -12,6 +12,7 @@
 #include <nanobind/stl/optional.h>
 
 #include "bindings.hpp"
+#include "model_step.hpp"
 #include "records.hpp"
 
 namespace hcbf {
@@ -65,13 +66,14 @@ class Filter {
     for (Index i = 0; i < plants_.sensed.size; ++i)
       plants_.reports[i].reason = state_check::believe(plants_.sensed[i], {plants_.sensed.tail(i), 2});
   }
-  bool believe_all(Index velocity_at) {
-    return state_check::believe_all(plants_.sensed, states_, velocity_at, plants_.reports);
+  // Checks the states of any model, raises alarms, and writes braking inputs; returns whether u* is finite.
+  bool sense(ModelStep& step, bool parts) {
+    for (Index i = 0; i < plants_.reports.size; ++i)
+      if (!step::is_finite({plants_.reports.tail(i), plants_.n_u})) return false;
+    step.sense(plants_.sensed, states_, plants_.reports, parts);
+    return true;
   }
-  void replace_all() { state_check::replace_all(plants_.sensed, states_, plants_.reports); }
-  void grow_all(const Numbers<const double, 3>& drift, Index n_p) {
-    state_check::grow_all(plants_.sensed, plants_.reports, view(drift), n_p);
-  }
+  void make_rows(ModelStep& step) { step.make_rows(states_); }
 
   Index filter() {
     const step::Said wrong = step::check(constants(), plants_);
@@ -238,11 +240,9 @@ void bind_filter(nb::module_& m) {
            "covariance"_a.noconvert(), "believed"_a.noconvert(), "Check these states of a model from now on.")
       .def("believe", &Filter::believe,
            "Check the states of planar double integrators, and write the reasons.")
-      .def("believe_all", &Filter::believe_all, "velocity_at"_a,
-           "Check the states of a model, write the reasons, and return whether there is one.")
-      .def("replace_all", &Filter::replace_all, "Replace the states that are not valid by propagated ones.")
-      .def("grow_all", &Filter::grow_all, "drift"_a, "n_p"_a,
-           "Note by how much the covariance of the drift grows in one period.")
+      .def("sense", &Filter::sense, "step"_a, "parts"_a,
+           "Check the states of any model, raise alarms, write braking inputs, and return whether u* is finite.")
+      .def("make_rows", &Filter::make_rows, "step"_a, "Write margins and rows of built-in barriers.")
       .def("filter", &Filter::filter, "Filter all plants, and return what is to be done.")
       .def("check", &Filter::check, "Return what is wrong with the arrays, as `filter` does.")
       .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant.")

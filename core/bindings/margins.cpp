@@ -2,7 +2,7 @@
 #include "structs.hpp"
 
 #include <hcbf/mapped.hpp>
-#include <hcbf/model_margins.hpp>
+#include <hcbf/margins.hpp>
 #include <hcbf/pieces.hpp>
 
 namespace hcbf {
@@ -22,19 +22,6 @@ void reserved(const Uncertainty& settings, const Matrix<const Index>& kind, cons
     margins::derive(settings, kind[i], parameters[i], known, period,
                     margins::reserved(out, i));
   }
-}
-
-void of_models(const Uncertainty& settings, const Matrix<const Index>& kind, const Stack& parameters,
-               const Table& least, const Stack& gradient, const Table& bend, Index n_p, const Table& x,
-               const Line& time, const Table& lag, const Table& off, const Stack& slip, const Stack& state,
-               const Stack& drift, const Line& growth, const Numbers<const double, 4>& turns, double period,
-               const Cube<double>& out) {
-  const model_margins::Rows rows{kind, parameters, least, gradient, bend, n_p};
-  const Index n = x.columns;
-  const Cube<const double> turning{turns.data(), Index(turns.shape(0) * turns.shape(1)), n, n};
-  const model_margins::Several several{x,     time,  lag,    off, slip,
-                                       state, drift, growth, turning};
-  model_margins::of_models(settings, rows, several, period, out);
 }
 
 auto nearby(const Uncertainty& settings, const RowSettings& rows, double radius, const Vector<const Index>& kind,
@@ -75,10 +62,6 @@ void bind_margins(nb::module_& m) {
   m.def("margins_reserved", &reserved, "settings"_a, "kind"_a, "parameters"_a, "x"_a, "t"_a, "model"_a,
         "lag"_a, "covariance"_a, "growth"_a, "period"_a, "out"_a, Unlocked(),
         "Write m, ṁ, m̈ and leaning (4, N, m) of the rows of N planar double integrators.");
-  m.def("margins_of_models", &of_models, "settings"_a, "kind"_a, "parameters"_a, "least"_a, "gradient"_a,
-        "bend"_a, "n_p"_a, "x"_a, "time"_a, "lag"_a, "off"_a, "slip"_a, "state"_a, "drift"_a, "growth"_a,
-        "turns"_a, "period"_a, "out"_a, Unlocked(),
-        "Write (N, m, 6) m, ṁ, m̈, leaning, the body's part and 1 for too fast, of N plants of any model.");
   m.def("map_nearby", &nearby, "settings"_a, "rows"_a, "radius"_a, "kind"_a, "parameters"_a, "priority"_a,
         "own_margin"_a, "atlas"_a, "x"_a, "model"_a, "lag"_a, "covariance"_a, "growth"_a,
         "Return kind, parameters, priority, own margin and source of the conditions near a state.");

@@ -1,4 +1,3 @@
-#include <hcbf/model_monitor.hpp>
 #include <hcbf/monitor.hpp>
 #include <hcbf/nearness.hpp>
 
@@ -28,35 +27,12 @@ namespace hcbf {
 
 namespace {
 
-using Mask = Vector<const bool>;
-using States = Matrix<const double>;
-using Terms = Cube<const double>;
-
-using model_monitor::Arrival, model_monitor::Sample, model_monitor::Watched;
-
 void bind_monitor(nb::module_& m) {
   m.def("monitor_watch", [](const Words& plant, double radius, double confidence, bool exact, bool observed) {
     const auto sensed = records<plants::Plant>(plant);
     monitor::watch(sensed[0], {sensed.tail(0), 2}, radius, confidence, exact, observed);
   }, "plant"_a, "radius"_a, "confidence"_a, "exact"_a, "observed"_a,
   "Compare a valid sample of a planar double integrator with the one before, and raise its alarms.");
-}
-
-void bind_model_monitor(nb::module_& m) {
-  m.def("model_arrivals", [](const Watched& watched, const Words& plants, const Mask& believed,
-                             const States& x, const Terms& g, const Arrival& arrival) {
-    return model_monitor::arrivals(watched, records<plants::Plant>(plants), believed,
-                                   x, g, arrival);
-  }, "watched"_a, "plants"_a, "believed"_a, "x"_a, "g"_a, "arrival"_a,
-  "Write the inputs that seem to have arrived, and return whether any differs from the chosen one.");
-  m.def("model_observe", [](const Watched& watched, const Words& plants, const Mask& believed,
-                            const Terms& covariance, const std::tuple<Sample, Sample>& samples,
-                            const Arrival& arrival, const Cube<double>& sums) {
-    const auto& [now, last] = samples;
-    model_monitor::observe(watched, records<plants::Plant>(plants), believed,
-                           covariance, {now, last, arrival, sums});
-  }, "watched"_a, "plants"_a, "believed"_a, "covariance"_a, "samples"_a, "arrival"_a,
-  "sums"_a, "Account for a sample of N plants of any model, and raise their alarms.");
 }
 
 void bind_nearness(nb::module_& m) {
@@ -68,7 +44,6 @@ void bind_nearness(nb::module_& m) {
 
 void bind_monitors(nb::module_& m) {
   bind_monitor(m);
-  bind_model_monitor(m);
   bind_nearness(m);
 }
 

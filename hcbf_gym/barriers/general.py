@@ -2,21 +2,19 @@
 
 import itertools
 import math
-import operator
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
-from hcbf_gym.barriers.function_rows import FunctionRows
+from hcbf_gym.barriers.function_cache import FunctionCache
 from hcbf_gym.barriers.general_kernels import (
     CONDITIONING,
     ELSEWHERE,
@@ -27,9 +25,19 @@ from hcbf_gym.barriers.general_kernels import (
     jet_width,
     pack,
 )
+from hcbf_gym.barriers.jets import checked, is_plain
 from hcbf_gym.barriers.kinks import SMOOTH, Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
+from hcbf_gym.barriers.prepared import (
+    Group,
+    Prepared,
+    are_same,
+    blocks,
+    filled,
+    function_at,
+    margins,
+)
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import ALPHA2_PSI, B, CbfRows, H
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
@@ -50,61 +58,6 @@ _BOUNDED = {*SHAPES} - {HalfPlane}  # which read both positions, whatever their 
 OF_H = -4
 """Where the rows of functions have h."""
 _NO_JACOBIAN = np.zeros((1, 0, 0))
-
-
-class Group(NamedTuple):
-    """Functions of the same signatures, at the same places of some scenes.
-
-    Attributes:
-        scenes: (K,) which of N scenes.
-        places: (k,) of m.
-        rows: what makes their rows.
-    """
-
-    scenes: Integers
-    places: Integers
-    rows: FunctionRows | SeparateRows
-
-
-class Prepared(NamedTuple):
-    """The barriers of N scenes, with what stays the same from state to state.
-
-    Attributes:
-        scenes: N tuples of at most m of them; behind a shorter one there is no row.
-        groups: those that are functions.
-        custom: scene, place and barrier of users' own classes.
-        scene: the others, as compiled code reads them.
-        reaches: how inputs reach the barriers of each scene, of the first alone where all are one.
-        turns: whether an input enters the second derivative of a barrier that is no function.
-        priority: (N, m), 0 where there is no row.
-        least: (N, m) what a row reserves by itself: a speed limit's margin.
-        share: (N, m) how much of a margin on the position a row reserves.
-    """
-
-    scenes: tuple[tuple[Barrier, ...], ...]
-    groups: list[Group]
-    custom: list[tuple[int, int, Barrier]]
-    scene: Scene
-    reaches: list[list[Reach]]
-    turns: bool
-    priority: Integers
-    least: Array
-    share: Array
-
-    @property
-    def entries(self) -> list[tuple[int, int, Barrier]]:
-        """Scene, place and barrier of functions and of users' own classes."""
-        functions = [
-            (int(i), int(k), self.scenes[i][k])
-            for group in self.groups
-            for i in group.scenes
-            for k in group.places
-        ]
-        return self.custom + functions
-
-    def margins(self, margin: float) -> Array:
-        """Return (N, m) what each row reserves between h and zero."""
-        return self.least + margin * self.share
 
 
 class GeneralRows:
@@ -205,7 +158,7 @@ class GeneralRows:
             for i, k in zip(*np.nonzero(~np.isfinite(out[..., H])), strict=True):
                 barrier = barriers[k]
                 if not isinstance(barrier, Function):
-                    _checked(barrier, barrier.jet(states[i], float(times[i])), self.model.n)
+                    checked(barrier, barrier.jet(states[i], float(times[i])), self.model.n)
         out, ranks = (out[0], prepared.priority[0]) if x.ndim == 1 else (out, prepared.priority)
         self.conditioning = out[..., CONDITIONING]
         a, numbers = out[..., WIDTH:].copy(), (out[..., q].copy() for q in (B, H, ALPHA2_PSI))
@@ -285,16 +238,16 @@ class GeneralRows:
                 derivatives beside x.
         """
         jet, n = barrier.jet(x, t), self.model.n
-        if isinstance(jet, Jet) and _is_plain(jet, n):
+        if isinstance(jet, Jet) and is_plain(jet, n):
             return jet
-        jet = _checked(barrier, jet, n, finite=False)
+        jet = checked(barrier, jet, n, finite=False)
         if all(np.isfinite(field).all() for field in jet):
             return jet
         if not np.isfinite(jet.h):
             raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
         known, i = kinks
         for beside in known.beside(self.model, x, i):
-            other = _checked(barrier, barrier.jet(beside, t), n, finite=False)
+            other = checked(barrier, barrier.jet(beside, t), n, finite=False)
             if all(np.isfinite(field).all() for field in other):
                 known.warn(barrier, x)
                 return other._replace(h=jet.h)
@@ -338,15 +291,12 @@ class GeneralRows:
         """Let rows ask for a stop where ψ_1 is below zero."""
         for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (prepared.scene.degree == 2)):
             row = out[i, k]
-            alpha2_psi, kept = float(row[ALPHA2_PSI]), float(row[H] - row[MARGIN])
-            rate = self.alpha2.inverse(alpha2_psi) - self.alpha1(kept)
-            lost = float(row[B]) + alpha2_psi + self.alpha1.derivative(kept) * rate
-            row[B] = max(float(row[B]), _core.row_late(kept, rate, lost, most(row[WIDTH:])))
+            _core.recover_row(self._alphas, most(row[WIDTH:]), row)
 
     def prepare(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
         """Return what is known of N scenes, looked up once while these are the same."""
         kept = self._latest  # filters in other threads share these rows
-        if kept is None or len(kept.scenes) != len(scenes) or not _same(kept.scenes, scenes):
+        if kept is None or len(kept.scenes) != len(scenes) or not are_same(kept.scenes, scenes):
             self._latest = kept = self.prepared(scenes)
         return kept
 
@@ -371,12 +321,12 @@ class GeneralRows:
             for i, scene in enumerate(scenes)
         ]
         degrees = [[reach.degree for reach in one] for one in reaches]
-        kind, parameters = _blocks(scenes)
-        degree = _filled(degrees, kind.shape, np.int64)
+        kind, parameters = blocks(scenes)
+        degree = filled(degrees, kind.shape, np.int64)
         custom = [(int(i), int(k), scenes[i][k]) for i, k in np.argwhere(kind == layout.CUSTOM)]
         ranks = [[barrier.priority for barrier in scene] for scene in scenes]
         zero, one = (
-            _filled([margins(scene, m).tolist() for scene in scenes], kind.shape, np.float64)
+            filled([margins(scene, m).tolist() for scene in scenes], kind.shape, np.float64)
             for m in (0.0, 1.0)
         )
         return Prepared(
@@ -386,7 +336,7 @@ class GeneralRows:
             Scene(kind, parameters, degree),
             reaches,
             bool((degree[kind != ELSEWHERE] == 2).any()),
-            _filled(ranks, kind.shape, np.int64),
+            filled(ranks, kind.shape, np.int64),
             zero,
             one - zero,
         )
@@ -415,13 +365,13 @@ class GeneralRows:
         for i, scene in enumerate(scenes):
             places = tuple(k for k, barrier in enumerate(scene) if isinstance(barrier, Function))
             if places:
-                key = places, tuple(_function(scene, k).signature for k in places)
+                key = places, tuple(function_at(scene, k).signature for k in places)
                 found.setdefault(key, []).append(i)
         return [
             Group(
                 np.array(members),
                 np.array(places),
-                self.functions.rows([[_function(scenes[i], k) for k in places] for i in members]),
+                self.functions.rows([[function_at(scenes[i], k) for k in places] for i in members]),
             )
             for (places, _), members in found.items()
         ]
@@ -445,7 +395,7 @@ class GeneralRows:
                 "velocity in x[2:4]"
             )
         try:
-            jet = _checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
+            jet = checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
         except InvalidInputError as error:
             raise UnreachableError(str(error)) from error
         if not is_bounded:
@@ -465,21 +415,6 @@ def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
     if numbers.ndim > len(shape) or numbers.shape != shape[len(shape) - numbers.ndim :]:
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected {shape}")
     return np.broadcast_to(numbers, shape)
-
-
-def _same(one: Sequence[tuple[object, ...]], other: Sequence[tuple[object, ...]]) -> bool:
-    """Return whether scenes hold the very same barriers."""
-    return all(
-        a is b or (len(a) == len(b) and all(map(operator.is_, a, b)))
-        for a, b in zip(one, other, strict=True)
-    )
-
-
-def _function(scene: tuple[Barrier, ...], k: int) -> Function:
-    """Return the function at a place of a scene."""
-    barrier = scene[k]
-    assert isinstance(barrier, Function)
-    return barrier
 
 
 def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
@@ -503,103 +438,3 @@ def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
             "double integrator: only its rows look beyond the nearest piece"
         )
     return own
-
-
-def _checked(barrier: Barrier, jet: Any, n: int, finite: bool = True) -> Jet:
-    """Return what a barrier says of h and its derivatives.
-
-    Args:
-        barrier: which said it.
-        jet: what it said.
-        n: the number of states.
-        finite: whether every number must be finite.
-
-    Raises:
-        InvalidInputError: if it is no jet of a function of n states, or not finite.
-    """
-    if isinstance(jet, Jet) and _is_plain(jet, n):
-        return jet
-    shapes = (), (n,), (n, n), (), (n,), ()
-    try:
-        fields = [np.asarray(field) for field in jet]
-        fits = len(fields) == len(shapes) and all(
-            getattr(given, "shape", ()) == shape and field.dtype.kind in "fiu"
-            for given, field, shape in zip(jet, fields, shapes, strict=False)
-        )
-    except (TypeError, ValueError):  # nothing to go through, or a ragged list
-        fields = []
-        fits = False
-    if not fits:
-        raise InvalidInputError(
-            f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers and "
-            f"arrays: h, ∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
-        )
-    if finite and not all(np.isfinite(field).all() for field in fields):
-        raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-    return Jet._make(jet)
-
-
-def _is_plain(jet: Jet, n: int) -> bool:
-    """Tell in a few microseconds whether a jet is made of finite floats; False may be wrong."""
-    h, gradient, hessian, rate, gradient_rate, rate_rate = jet
-    arrays = gradient, hessian, gradient_rate
-    if not all(type(part) is np.ndarray and part.dtype == np.float64 for part in arrays):
-        return False
-    if not all(isinstance(part, float) for part in (h, rate, rate_rate)):
-        return False
-    if gradient.shape != (n,) or hessian.shape != (n, n) or gradient_rate.shape != (n,):
-        return False
-    sizes = np.vdot(gradient, gradient) + np.vdot(hessian, hessian)
-    sizes += np.vdot(gradient_rate, gradient_rate)
-    return math.isfinite(sizes + abs(h) + abs(rate) + abs(rate_rate))
-
-
-def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
-    """Return (m,) what each row reserves between h and zero.
-
-    Args:
-        barriers: m safety conditions.
-        margin: (m,), or one number for the rows of priority 1 that read the position; a speed
-            limit then reserves its own.
-    """
-    given = np.asarray(margin, dtype=np.float64)
-    if given.ndim:
-        return given
-    return np.array(
-        [
-            barrier.margin
-            if isinstance(barrier, SpeedLimit)
-            else float(given) * (barrier.priority == 1 and barrier.reads_position)
-            for barrier in barriers
-        ]
-    )
-
-
-def _filled(lists: Sequence[Sequence[float]], shape: tuple[int, ...], dtype: DTypeLike) -> Any:
-    """Return N lists of at most m numbers as an array (N, m), zero behind the shorter ones."""
-    filled = np.zeros(shape, dtype=dtype)
-    for row, numbers in zip(filled, lists, strict=True):
-        row[: len(numbers)] = numbers
-    return filled
-
-
-def _blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
-    """Return kinds (N, m) and blocks (N, m, WIDTH) of N scenes, as compiled code reads them."""
-    kind = np.full((len(scenes), max(map(len, scenes))), layout.NONE, dtype=np.int64)
-    parameters = np.zeros((*kind.shape, layout.WIDTH))
-    for i, scene in enumerate(scenes):
-        kind[i, : len(scene)] = ELSEWHERE
-        k = 0
-        for cls, run in itertools.groupby(scene, type):
-            barriers: list[Any] = list(run)
-            end = k + len(barriers)
-            if cls in SHAPES:
-                kind[i, k:end] = cls.code
-                parameters[i, k:end] = cls.blocks_of(barriers)
-            elif cls is SpeedLimit:
-                for place, barrier in enumerate(barriers, k):
-                    kind[i, place] = barrier.write(parameters[i, place])
-            elif not issubclass(cls, Function):
-                kind[i, k:end] = layout.CUSTOM
-            k = end
-    return kind, parameters

@@ -40,38 +40,6 @@ to m, W_j the covariance of g_j(x) u_j for the largest u_j. An h that is not con
 lose in second order.
 """
 
-from typing import NamedTuple
-
-from hcbf_gym.arrays import Array
-
 MARGIN, RATE, QUICKENING, LEANING = range(4)
 """What `derive` writes into the first axis of its output: m, ṁ, m̈, and what of m may be used: the
 tracking error's part, less what `cap` cuts off of it, and the errors of what was measured."""
-
-
-class Several(NamedTuple):
-    """What is not known of N plants, as the rows of any model and any h read it.
-
-    Attributes:
-        x: (N, n) as the rows read it.
-        time: (N,) [s].
-        lag: (N, n) the body's state minus the model's.
-        off: (N, n) x − x_b, the state that the rows read less the body's.
-        slip: (N, 1 + S, n_p) the body's ṗ minus the model's: of the drift, then of each input at
-            its largest.
-        state: (N, n, n) P.
-        drift: (N, k, k) V of the position, k = n_p, or of all of x, k = n.
-        growth: (N,) g, by how much V of the position grows until the next sample.
-        turns: (N, S, n, n) the covariance of g(x)u, of each input at its largest; none where g is
-            the same everywhere.
-    """
-
-    x: Array
-    time: Array
-    lag: Array
-    off: Array
-    slip: Array
-    state: Array
-    drift: Array
-    growth: Array
-    turns: Array

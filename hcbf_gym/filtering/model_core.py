@@ -5,22 +5,23 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.general import GeneralRows, Prepared, check_barriers
-from hcbf_gym.barriers.general_kernels import FAST, MARGIN, PLACED, WIDTH
+from hcbf_gym.barriers.general import GeneralRows, check_barriers
+from hcbf_gym.barriers.general_kernels import PLACED, WIDTH
+from hcbf_gym.barriers.prepared import Prepared
 from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE, InvalidInputError
-from hcbf_gym.filtering import belief
+from hcbf_gym.barriers.unknown import Entry, Known, largest, slopes
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filtering.core import FilterCore, SceneArrays
-from hcbf_gym.filtering.model_monitor import ModelMonitor
 from hcbf_gym.filtering.settings import FilterSettings, check_hold
-from hcbf_gym.models.constants import FARTHEST
+from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.input_sets import Box, InputSet
-from hcbf_gym.models.plant import Plant, Reason
+from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 
@@ -51,20 +52,42 @@ class ModelCore(FilterCore):
         self._rows_of = GeneralRows(model, self.alpha1, self.alpha2, input_set.support)
         self._rows_of.kinks = self._kinks
         self._check_uncertainty()
-        confidence = plant.uncertainty.confidence
-        self._monitor = ModelMonitor(model, plant.period, input_set, confidence, self.count)
-        self._velocity_at = -1 if model.velocity_at is None else model.velocity_at
-        self._coasts = type(model).brake is not ReducedOrderModel.brake
         self._prepared: Prepared | None = None
+        self._entries: list[Entry] = []  # conditions of the scene that are no built-in shapes
         self._said_concave = False
-        self._reserved = False
+        self._step = self._make_step()
         self._make_room(0)
         self._read_static()
 
-    def restart(self, mask: Mask) -> None:
-        """Forget what was known of the masked plants (N,): new episodes have begun there."""
-        super().restart(mask)
-        self._monitor.forget(mask)
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy needs; its step is compiled anew."""
+        return {**vars(self), "_step": self._step.memory()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._step, self._is_bound = self._make_step(), False
+        self._step.restore(state["_step"])
+
+    def _make_step(self) -> _core.ModelStep:
+        """Return the compiled step of the plants, up to their rows."""
+        plant, u_set, model = self.plant, self.input_set, self.plant.model
+        nothing = np.zeros(0)
+        limits = nothing, nothing, u_set.vertices().ravel()
+        if isinstance(u_set, Box):
+            limits = u_set.low, u_set.high, nothing
+        return _core.ModelStep(
+            compiled(model),
+            np.array(self.reserve.settings),
+            np.stack((self.alpha1.parameters(), self.alpha2.parameters())),
+            limits,
+            largest(u_set),
+            ~driven_alone(model),
+            u_set.radius,
+            plant.uncertainty.confidence,
+            plant.period or 0.0,
+            -1 if model.velocity_at is None else model.velocity_at,
+            self.count,
+        )
 
     def _scenes_of(self, barriers: Any) -> BarrierSet:
         """Return barriers as a set of N scenes.
@@ -95,7 +118,7 @@ class ModelCore(FilterCore):
         """Make room for m rows."""
         self._buffer.widen(m, m)
         self._own = np.zeros((self.count, m, WIDTH + self.input_set.n_u))
-        self._reserved = False
+        self._is_bound = False
 
     def _check_uncertainty(self) -> None:
         """Refuse what has no meaning for the model.
@@ -122,25 +145,11 @@ class ModelCore(FilterCore):
         placed = self.plant.model.n_p
         return bool(np.ptp(f[:, :placed], axis=0).any() or np.ptp(g[:, :placed], axis=0).any())
 
-    def _reserve(self, prepared: Prepared) -> None:
-        """Write what rows reserve: again where a sample said more than x, or ∇h may turn."""
-        taken, reserve = self._samples, self.reserve
-        changes = taken.told or (reserve.is_steep and bool(prepared.entries))
-        if self._reserved and not changes:
-            self._own[..., FAST] = 0.0  # of a body that is its model, h itself shows it
-            return
-        self._reserved = not changes
-        states = taken.states
-        own = states.model if taken.told else states.x
-        known = reserve.know(states.x, taken.time, own, states.lag, states.covariance)
-        if taken.told:
-            self._filter_of.grow_all(known.drift, self.plant.model.n_p)
-            known = known._replace(growth=taken.plants["growth"].copy())
-        out, scene = self._own[..., MARGIN : FAST + 1], prepared.scene
-        entries = prepared.entries if changes else ()
-        least = prepared.margins(reserve.fixed)
-        reserve.write((scene.kind, scene.parameters), least, entries, known, out)
+    def _bind(self, prepared: Prepared) -> None:
+        """Let the step make the rows of these scenes from now on."""
         self._own[..., PLACED] = prepared.share > 0.0
+        self._step.bind(*prepared.scene, prepared.margins(self.reserve.fixed), self._own)
+        self._is_bound = True
 
     def _accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
         """Look at a scene that is news, and return its barriers and how inputs reach them."""
@@ -159,7 +168,7 @@ class ModelCore(FilterCore):
         period = self.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self.alpha1)
-        self._prepared, self._reserved = prepared, False
+        self._prepared, self._entries, self._is_bound = prepared, prepared.entries, False
         distinct = prepared.scenes[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
 
@@ -168,85 +177,50 @@ class ModelCore(FilterCore):
 
     def _remembered(self) -> Any:
         """Return what is known of the plants, for `_restore`."""
-        return super()._remembered(), self._monitor.remembered()
+        return super()._remembered(), self._step.memory()
 
     def _restore(self, remembered: Any) -> None:
         """Know what was known before."""
-        samples, monitor = remembered
+        samples, memory = remembered
         super()._restore(samples)
-        self._monitor.restore(monitor)
+        self._step.restore(memory)
 
     def _made(self, scene: BarrierSet, u_nominal: Array) -> tuple[SceneArrays, Array]:
         """Look at the states, compare them with what was expected, and make the rows."""
-        if np.isfinite(u_nominal).all():
-            with np.errstate(all="ignore"):
-                self._look()
+        told, prepared = self._samples.told, self._prepared
+        filter_of = self._filter_of
+        if filter_of.sense(self._step, told) and prepared is not None:
+            if not self._is_bound:
+                self._bind(prepared)
+            if self._entries:
+                self._make_rows(prepared)
+            else:
+                filter_of.make_rows(self._step)
         numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
         return (*numbers, scene.atlas.numbers), self._own
 
-    def _look(self) -> None:
-        """Write reasons, alarms, rows and braking inputs."""
-        samples, told = self._samples, self._buffer.plants
-        records, states = samples.plants, samples.states
-        compiled = self._filter_of
-        if compiled.believe_all(self._velocity_at):
-            self._carry_on(told["reason"] != 0)
-            compiled.replace_all()
-        terms, known = self._terms(states.x)
-        if not known.all():
-            told["reason"][(told["reason"] == 0) & ~known] = Reason.BARRIERS
-        believed = told["reason"] == 0
-        if self._prepared is not None:
-            self._reserve(self._prepared)
-        self._monitor.watch(records, states, samples.input, terms, believed, not samples.told)
-        if self._prepared is not None:
-            self._rows_of.write(self._prepared, states.x, samples.time, terms, self._own)
-        if self._coasts:
-            self._note_stops(states.x, records["known"] != 0)
+    def _make_rows(self, prepared: Prepared) -> None:
+        """Make the rows of scenes in which users have conditions of their own."""
+        samples, reserve = self._samples, self.reserve
+        states, time = samples.states, samples.time
+        known = Known(states.x, time, states.model, states.lag, states.covariance)
+        bends = samples.told or reserve.is_steep
+        with np.errstate(all="ignore"):
+            of_rows = self._entries if bends else (), known, reserve.settings.confidence
+            self._step.reserve(*slopes(*of_rows, self._own.shape[1]))
+            self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
 
-    def _carry_on(self, mask: Mask) -> None:
-        """Take for the states of masked plants what the model makes of those believed last."""
-        samples = self._samples
-        records, states = samples.plants, samples.states
-        for i in np.flatnonzero(mask & (records["known"] != 0) & (records["elapsed"] > 0.0)):
-            last, u = states.believed[i].copy(), samples.input[i].copy()
-            try:
-                after = self.plant.model.step(last, u, float(records["elapsed"][i]))
-            except UNREADABLE:
-                after = None
-            carried = belief.real_numbers(after, last.shape)
-            near = carried is not None and (np.abs(carried) <= FARTHEST).all()
-            records["known"][i] = near
-            states.believed[i] = carried if near else last
 
-    def _terms(self, x: Array) -> tuple[tuple[Array, Array], Mask]:
-        """Return f and g at N states, and (N,) where the model gives them."""
-        model = self.plant.model
-        try:
-            return model.terms_of(x), np.ones(len(x), dtype=np.bool_)
-        except UNREADABLE:
-            pass
-        f, g = np.zeros((len(x), model.n)), np.zeros((len(x), model.n, model.n_u))
-        known = np.zeros(len(x), dtype=np.bool_)
-        for i in range(len(x)):
-            try:
-                f[i], g[i] = model.terms(x[i])
-                known[i] = True
-            except UNREADABLE:
-                continue
-        return (f, g), known
-
-    def _note_stops(self, x: Array, known: Mask) -> None:
-        """Write the inputs of U nearest to those that stop the model; nearest 0 where unknown."""
-        period, stops = self.plant.period, self._samples.plants["stop"]
-        if period is None:
-            return
-        try:
-            wanted = self.plant.model.brakes_of(x, period)
-        except UNREADABLE:
-            wanted = np.full(stops.shape, np.nan)
-        wanted[~(np.isfinite(wanted).all(axis=1) & known)] = 0.0
-        if isinstance(self.input_set, Box):
-            stops[:] = self.input_set.project(wanted)
-        else:
-            stops[:] = [self.input_set.project(one) for one in wanted]
+def driven_alone(model: ReducedOrderModel) -> Mask:
+    """Return (n,) which states an input drives at once, with no drift in them or from them."""
+    states, _ = samples(model)
+    driven = np.zeros(model.n, dtype=np.bool_)
+    drifts = np.zeros(model.n, dtype=np.bool_)
+    for x in states:
+        f = model.f(x)
+        driven |= (model.g(x) != 0.0).any(axis=1)
+        drifts |= f != 0.0
+        for k in range(model.n):
+            moved = x + 0.1 * (np.arange(model.n) == k)
+            drifts[k] |= bool((model.f(moved) != f).any())
+    return driven & ~drifts

@@ -24,7 +24,7 @@ change, and ``τ = WINDOW``, over every sample of length T,
 The alarm is raised where at `IN_A_ROW` samples ``‖r‖ > rest + OFF max(‖m‖, ‖m'‖) + c + κ √tr P``: c
 is what two ways to integrate may be apart, where the velocity turns or changes. Of a planar double
 integrator s is ``Δp − T (v + v')/2``, which is exact, so that c is 0 of one that is its model;
-`model_monitor` has s for any model.
+`model_monitor.hpp` has s for any model.
 
 The core computes it and has the numbers in capitals: `monitor.hpp`.
 """

@@ -9,11 +9,12 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
-from hcbf_gym.barriers.general_kernels import FAST, LEANING, MARGIN, PLACED, WIDTH
+from hcbf_gym.barriers.general_kernels import LEANING, MARGIN, PLACED, WIDTH
 from hcbf_gym.barriers.own_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import B
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.unknown import Known
 from hcbf_gym.errors import UNREADABLE, CoverageWarning, InvalidInputError, warn_caller
 from hcbf_gym.filtering.core import FilterCore, SceneArrays
 from hcbf_gym.filtering.guide import Guide
@@ -170,16 +171,14 @@ class PlanarCore(FilterCore):
         """Look at the states, and make the rows of users' own barriers."""
         plants, out = self._samples.plants, self._own_rows
         self._filter_of.believe()
-        names = "x", "time", "model", "lag", "covariance"
         reach = 0.0 if self.plant.axle is None else self.plant.axle.look_ahead
         reserve, told = self.reserve, self._samples.told
-        known = reserve.know(*(plants[name].copy() for name in names))
-        known = known._replace(growth=plants["growth"].copy())
+        known = Known(*(plants[name].copy() for name in Known._fields))
         entries = [(i, k, barrier) for (i, k), barrier in scene.own.items()]
         least = scene.own_margin + reserve.fixed
         reserve.write(
             (scene.kind, scene.parameters), least, entries if told or reserve.is_steep else (),
-            known, out[..., MARGIN : FAST + 1],
+            known, plants["growth"].copy(), out,
         )  # fmt: skip
         x, time = plants["x"], plants["time"]
         for (i, k), barrier in scene.own.items():

@@ -5,9 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hcbf_gym.filtering import plants
+from hcbf_gym import _core
+from hcbf_gym.arrays import numbers_of
+from hcbf_gym.barriers.unknown import largest
+from hcbf_gym.filtering import plants, report
 from hcbf_gym.filtering.belief import State
-from hcbf_gym.filtering.model_monitor import ModelMonitor
+from hcbf_gym.filtering.model_core import driven_alone
 from hcbf_gym.models import (
     Box,
     ControlAffine,
@@ -16,6 +19,7 @@ from hcbf_gym.models import (
     SingleIntegrator,
     Unicycle,
 )
+from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.plant import Reason
 
 T = 0.02
@@ -89,18 +93,28 @@ def semi_implicit(model, x, u, dt):
 def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, drive=None):
     """The first alarm of a run and the sample at which it came; (NONE, count) without one."""
     model, u_set = PLANTS[name]
-    monitor = ModelMonitor(model, T, u_set, 3.0, 1)
     plant = np.zeros(1, dtype=plants.plant_dtype(model.n_u))
     plant["elapsed"] = T
+    told = np.zeros(1, dtype=report.plant_dtype(model.n_u))
     n = model.n
     states = State(*(np.zeros((1, *shape)) for shape in ((n,), (n,), (n,), (n, n), (n,))))
     states.covariance[:] = 0.0 if spread is None else spread
+    limits = u_set.low, u_set.high, np.zeros(0)
+    step_of = _core.ModelStep(
+        compiled(model), np.zeros(8), np.zeros((2, 4)), limits, largest(u_set),
+        ~driven_alone(model), u_set.radius, 3.0, T, -1, 1,
+    )  # fmt: skip
+    constants = np.zeros(plants.CONSTANTS.itemsize // 8)
+    watching = _core.Filter(constants, np.zeros(0), numbers_of(plant), 1)
+    watching.set_states(*states)
+    watching.set_report(numbers_of(told), np.zeros((1, 0)))
     x, asked = np.zeros(n), inputs(u_set, seed, count)
-    past, u, yes = [], np.zeros(model.n_u), np.ones(1, dtype=np.bool_)
+    past, u = [], np.zeros(model.n_u)
     for k in range(count):
         past.append(x)
-        states.x[0] = states.model[0] = x if sense is None else sense(past, k)
-        monitor.watch(plant, states, u[None], model.terms_of(states.x), yes, True)
+        states.x[0] = x if sense is None else sense(past, k)
+        plant["time"], plant["input"] = k * T, u
+        assert watching.sense(step_of, False)
         if plant["alarm"][0]:
             return Reason(plant["alarm"][0]), k
         u = asked[k] if drive is None else drive(k)

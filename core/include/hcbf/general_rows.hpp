@@ -132,6 +132,14 @@ inline bool write_rows(const Scene& scene, Cube<const double> jets, Matrix<const
   return lags;
 }
 
+// Lets a row of degree 2 request a stop where ψ₁ is below zero. `most`: of a·u in U.
+inline void recover(const ClassK& alpha1, const ClassK& alpha2, double most, double* row) {
+  const double kept = row[H] - row[MARGIN];
+  const double rate = class_k::inverse(alpha2, row[ALPHA2_PSI]) - class_k::value(alpha1, kept);
+  const double lost = row[B] + row[ALPHA2_PSI] + class_k::slope(alpha1, kept) * rate;
+  row[B] = std::max(row[B], rows::late(kept, rate, lost, most));
+}
+
 // Writes rows of functions, and returns whether a ψ₁ of one is below zero.
 //
 // made (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs; degrees (m,) of the functions;

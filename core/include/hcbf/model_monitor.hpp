@@ -136,9 +136,8 @@ inline void pseudo_inverse(Matrix<const double> g, Matrix<double> out, Matrix<do
 // whether this sample is valid; `x` (N, n): states of the bodies; `g` (N, n, n_u): at the sample before;
 // `arrival.body` holds where u leads.
 inline bool arrivals(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> believed,
-                     Matrix<const double> x, Cube<const double> g, const Arrival& arrival) {
+                     Matrix<const double> x, Cube<const double> g, const Arrival& arrival, Room& room) {
   const Index n = g.rows, n_u = g.columns;
-  Room room(n, n_u);
   const Matrix<double> steered = room.steered();
   bool some = false;
   for (Index i = 0; i < plants.size; ++i) {
@@ -264,8 +263,7 @@ inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, con
 // Accounts for a sample of N plants, and raises their alarms. `covariance` (N, n, n): of x, 0 where that
 // is the truth; `believed` (N,): whether this sample is valid.
 inline void observe(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> believed,
-                    Cube<const double> covariance, const Seen& seen) {
-  Room room(seen.now.g.rows, seen.now.g.columns);
+                    Cube<const double> covariance, const Seen& seen, Room& room) {
   const Matrix<double> inverse = room.inverse();
   for (Index i = 0; i < plants.size; ++i) {
     plants::Plant& plant = plants[i];
