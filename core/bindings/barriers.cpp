@@ -174,9 +174,10 @@ void bind_general_rows(nb::module_& m) {
   m.def(
       "recover_row",
       [](const Table& alphas, double most, const Written& row) {
-        general_rows::recover(alpha(view(alphas)[0].data), alpha(view(alphas)[1].data), most, row.data());
+        const auto* alpha = reinterpret_cast<const class_k::ClassK*>(alphas.data);
+        general_rows::recover(alpha[0], alpha[1], most, row.data);
       },
-      "alphas"_a, "most"_a, "row"_a.noconvert(),
+      "alphas"_a, "most"_a, "row"_a,
       "Let a row (WIDTH + n_u,) of degree 2 with ψ_1 < 0 request a stop; an input of U gives `most` of a·u.");
 }
 

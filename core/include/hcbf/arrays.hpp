@@ -24,6 +24,7 @@ struct Matrix {  // (n, m)
   operator Matrix<const T>() const { return {data, rows, columns}; }
   T& operator()(Index i, Index j) const { return data[i * columns + j]; }
   Vector<T> operator[](Index i) const { return {data + i * columns, columns}; }
+  Matrix part(Index first, Index end) const { return {data + first * columns, end - first, columns}; }
 };
 
 template <class T>
