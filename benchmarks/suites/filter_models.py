@@ -16,13 +16,13 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from hcbf_gym.barriers.scenes import scenes_of_arrays
 
 import hcbf_gym
 from benchmarks.blocks import blocks_in_turn
 from hcbf_gym import models
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.barriers.scenes import scenes_of_arrays
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.reduced_order import ReducedOrderModel
