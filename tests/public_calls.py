@@ -353,7 +353,9 @@ def calls() -> dict[str, Call]:
         "Shapes": Call(barriers.Shapes, given(
             name="a", priority=1, shape="disc", values=[[0.0, 0.0, 1.0]], velocity=(0.0, 0.0),
         )),
-        "BarrierSet": Call(barriers.BarrierSet, given(scenes=[[DISC], [DISC]], before=None)),
+        "BarrierSet": Call(barriers.BarrierSet, given(
+            scenes=[[DISC], [DISC]], before=None, is_placed=True,
+        )),
         "BarrierSet.set_scene": Call(
             barriers.BarrierSet([[DISC]]).set_scene, given(i=0, scene=[DISC])
         ),
