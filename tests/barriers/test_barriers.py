@@ -165,7 +165,6 @@ def test_a_region_has_a_gradient_even_at_its_centre():
         lambda: SpeedLimit("s", 1, v_max=1.0, margin=1.0),
         lambda: LinearClassK(-1.0),
         lambda: LogClassK(phi3=0.0),
-        lambda: BarrierSet([[], [Disc("d", 1)]]),
         lambda: DoubleIntegrator(drag=-1.0),
     ],
 )
