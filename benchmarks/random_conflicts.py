@@ -12,6 +12,7 @@ import numpy as np
 from hcbf_gym import _core, programs
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.shapes import disc
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.measures import deadlocked
@@ -148,7 +149,7 @@ def run(chunk: Scenes) -> list[dict[str, Any]]:
         u_nominal = _nominal(policy, x, t[0], barriers, noise)
         u = input_set.project(u_nominal)
         if batch is not None:
-            result = batch(u_nominal, barriers.rows(x, t, settings, margin))
+            result = batch(u_nominal, planar_rows(barriers, x, t, settings, margin))
             u = result.u
             unmet |= result.slack > 0.0
             assert (result.status != FilterStatus.BACKUP).all()

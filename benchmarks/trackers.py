@@ -83,7 +83,6 @@ class World:
         self.velocity = np.zeros((*shape, 2))
         self.radius = rng.uniform(0.2, 0.6, shape)
         self.door = BatchFilter(U, period, count, uncertainty=Uncertainty(distance=NOISE))
-        self._kinds, self._ranks = np.full(discs, "disc"), np.ones(discs, dtype=int)
 
     def track(self, errors: Errors, declares: bool) -> None:
         """Let the filter have what the tracker sees now."""
@@ -91,7 +90,7 @@ class World:
         velocity = self.velocity if declares else np.zeros_like(self.velocity)
         if not self.named:
             numbers = np.concatenate([seen, self.radius[..., None]], axis=2)
-            self.door.set_scene(self._kinds, numbers, self._ranks, velocity)
+            self.door.set_scene([Shapes("people", 1, "disc", numbers, velocity)])
             return
         rows = zip(seen.tolist(), self.radius.tolist(), velocity.tolist(), strict=True)
         self.door.set_scene([
@@ -245,13 +244,13 @@ def cost(count: int, how: str, steps: int = 20) -> float:
 
     Args:
         count: of moving discs.
-        how: "list", "shapes", "arrays" or "drag".
+        how: "list", "shapes" or "drag".
         steps: of which the median counts.
     """
     rng, period = np.random.default_rng(0), 0.02
     place, velocity = rng.uniform(-20.0, 20.0, (count, 2)), rng.uniform(-0.5, 0.5, (count, 2))
     place[np.linalg.norm(place, axis=1) < 3.0] += 5.0
-    radius, ranks, kinds = np.full(count, 0.3), np.ones(count, dtype=int), np.full(count, "disc")
+    radius = np.full(count, 0.3)
     x, still = np.zeros(4), np.zeros(2)
     door = BatchFilter(U, period)
     names = [f"person {k}" for k in range(count)]
@@ -267,10 +266,8 @@ def cost(count: int, how: str, steps: int = 20) -> float:
         seen = np.column_stack([place + step * period * velocity, radius])
         if how == "list":
             door.set_scene(listed(step))
-        elif how == "shapes":
-            door.set_scene([Shapes("people", 1, "disc", seen, velocity)])
         else:
-            door.set_scene(kinds, seen, ranks, velocity)
+            door.set_scene([Shapes("people", 1, "disc", seen, velocity)])
         return door(still, x) if step else door.reset(x=x)
 
     run = step_of
@@ -308,7 +305,7 @@ def _other_model(listed: Callable[[int], list[Disc]], period: float) -> Callable
 
 def costs() -> str:
     """Return what made anew costs, a line for each way."""
-    ways = "list", "shapes", "arrays", "drag"
+    ways = "list", "shapes", "drag"
     return "\n".join(
         f"{how:7} 100: {cost(100, how):6.2f} ms, 500: {cost(500, how):6.2f} ms" for how in ways
     )

@@ -203,17 +203,6 @@ def calls() -> dict[str, Call]:
             gamma0=[1.0], delta_gamma=1.0,
         )),
         "BatchFilter.set_scene": Call(filt.set_scene, given(barriers=[DISC])),
-        "BatchFilter.set_scene arrays": Call(filt.set_scene, given(
-            barriers=["disc"], numbers=[[2.0, 0.0, 0.5]], ranks=[1], velocities=(0.0, 0.0),
-        )),
-        "BatchFilter.set_scene polygons": Call(
-            filt.set_scene,
-            given(
-                barriers=["convex-polygon"],
-                numbers=[[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]],
-                ranks=[1],
-            ),
-        ),
         "BatchFilter.reset": Call(
             batch().reset, given(mask=np.ones(3, bool), x=x, goal=(1.0, 0.0))
         ),
@@ -353,7 +342,13 @@ def calls() -> dict[str, Call]:
         "Shapes": Call(barriers.Shapes, given(
             name="a", priority=1, shape="disc", values=[[0.0, 0.0, 1.0]], velocity=(0.0, 0.0),
         )),
-        "BarrierSet": Call(barriers.BarrierSet, given(scenes=[[DISC], [DISC]], before=None)),
+        "Shapes polygons": Call(barriers.Shapes, given(
+            name="a", priority=1, shape="convex-polygon",
+            values=[[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]], velocity=(0.0, 0.0),
+        )),
+        "BarrierSet": Call(barriers.BarrierSet, given(
+            scenes=[[DISC], [DISC]], before=None, is_placed=True,
+        )),
         "BarrierSet.set_scene": Call(
             barriers.BarrierSet([[DISC]]).set_scene, given(i=0, scene=[DISC])
         ),

@@ -225,9 +225,3 @@ def test_a_conflict_is_reported_for_an_action_space():
         found = programs.conflict_report(rows, result, space)
     assert found == programs.conflict_report(rows, result, models.Box.symmetric(5.0))
     assert found.rows == (0, 1)
-
-
-def test_rows_of_odd_width_make_no_polygon():
-    filt = public_calls.batch()
-    with pytest.raises(InvalidInputError, match="even number"):
-        filt.set_scene(["convex-polygon"], [[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.5]], [1])

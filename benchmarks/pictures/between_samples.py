@@ -12,6 +12,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Disc, RowSettings
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.drawing.palette import priority_color
 
@@ -62,7 +63,7 @@ def drive(how: RowSettings) -> tuple[Array, Array]:
     times, heights = [np.zeros(1)], [np.array([0.3])]
     tau = PERIOD * np.arange(1, FINE + 1) / FINE
     for k in range(round(SECONDS / PERIOD)):
-        row = barriers.rows(x[None], np.zeros(1), how)
+        row = planar_rows(barriers, x[None], np.zeros(1), how)
         a, u = row.a[0, 0], nominal(k * PERIOD, x)
         u = u + max(0.0, float(row.b[0, 0]) - a @ u) * a / (a @ a)
         path = x[:2] + x[2:] * tau[:, None] + 0.5 * u * tau[:, None] ** 2

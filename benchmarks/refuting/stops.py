@@ -17,7 +17,8 @@ from benchmarks.refuting.cases import (
     u_max,
     value,
 )
-from hcbf_gym.barriers import BarrierSet, RowSettings
+from hcbf_gym import _core
+from hcbf_gym.barriers import BarrierSet, RowSettings, margins
 from hcbf_gym.models.plant import Uncertainty
 
 
@@ -147,13 +148,17 @@ def growth(case: Case, z: Array) -> Array:
             out[:, i + 2, i + 2] += q[:, i] * tau
         return out
 
-    numbers = Uncertainty(distance=0.0, body=0.0, confidence=3.0)
+    numbers = np.array(Uncertainty(distance=0.0, body=0.0, confidence=3.0), dtype=float)
     scenes, x = _repeat(case, n), np.zeros((n, 4))
     x[:, :2] = place(case, z, 0.1 + z[:, 4])[0]
     state = np.zeros(n), x, np.zeros((n, 4))
 
     def reserved(tau: float) -> Array:
-        return scenes.reserved(numbers, x, *state, at(tau), g, span)[:, :, 0]
+        out = np.zeros((4, *scenes.kind.shape))
+        scene = scenes.kind, scenes.parameters
+        _core.margins_reserved(numbers, *scene, x, *state, at(tau), g, span, out)
+        out[margins.MARGIN] += scenes.own_margin
+        return out[:, :, 0]
 
     now = reserved(0.0)
     slack = [now[0] + tau * now[1] - reserved(tau)[0] for tau in (0.3 * span, span)]

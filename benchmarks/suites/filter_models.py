@@ -21,8 +21,7 @@ import hcbf_gym
 from benchmarks.blocks import blocks_in_turn
 from hcbf_gym import models
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.barriers.scenes import scenes_of_arrays
+from hcbf_gym.barriers import Disc, HalfPlane, Shapes, SpeedLimit
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -34,7 +33,6 @@ SHARED = (
     Disc("soft", 2, center=(0.5, -0.8), radius=0.4),
     HalfPlane("wall", 3, normal=(0.0, 1.0), offset=-2.0),
 )
-KINDS, RANKS = ["disc", "disc", "disc", "disc", "speed-limit"], [1, 2, 3, 4, 1]
 PLANTS: dict[str, ReducedOrderModel] = {
     "double integrator": models.DoubleIntegrator(),
     "boat (drag)": models.DoubleIntegrator(drag=0.5),
@@ -129,10 +127,10 @@ def _integrators(count: int, steps: int) -> list[dict[str, Any]]:
     rng = np.random.default_rng(0)
     x = np.zeros((count, 4))
     x[:, :2], x[:, 2:] = rng.uniform(-5, 5, (count, 2)), rng.uniform(-1, 1, (count, 2))
-    numbers = np.zeros((count, 5, 3))
-    numbers[:, :4, :2], numbers[:, :4, 2] = rng.uniform(-5, 5, (count, 4, 2)), 0.5
-    numbers[:, 4, 0] = 2.0
-    scenes = scenes_of_arrays(KINDS, numbers, RANKS, (0.0, 0.0), count)
+    numbers = np.full((count, 4, 3), 0.5)
+    numbers[..., :2] = rng.uniform(-5, 5, (count, 4, 2))
+    discs = [Shapes("disc", k + 1, "disc", numbers[:, k : k + 1]) for k in range(4)]
+    scenes = [*discs, SpeedLimit("limit", 1, 2.0)]
     filters = [hcbf_gym.BatchFilter(U, PERIOD, count, threads=threads) for threads in (1, 2)]
     for one in filters:
         one.set_scene(scenes)

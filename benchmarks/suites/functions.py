@@ -31,6 +31,7 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.barriers.compose import traced
 from hcbf_gym.barriers.general import GeneralRows
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models import DoubleIntegrator, SingleIntegrator
 
@@ -118,7 +119,7 @@ def own(rounds: int) -> list[dict[str, float]]:
         x = np.random.default_rng(0).uniform(1.0, 3.0, (count, 4))
         held = RowSettings(period=0.02, u_max=7.1)
         times = [
-            _median(lambda: scenes.rows(x, np.zeros(count), held), rounds) / count  # noqa: B023
+            _median(lambda: planar_rows(scenes, x, np.zeros(count), held), rounds) / count  # noqa: B023
             for scenes in (
                 BarrierSet([[kind("disc", 1)]] * count)
                 for kind in (Round, lambda name, rank: Disc(name, rank, (0.0, 0.0), 1.0))

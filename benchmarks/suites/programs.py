@@ -14,6 +14,7 @@ import numpy as np
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import CbfRows
@@ -92,7 +93,7 @@ def _filter_in_turn(name: str, solver: str | None = None) -> Callable[[], Any]:
 
     def call() -> None:
         barriers, x, t, u = cases[next(turn) % len(cases)]
-        a, b, h, priority, alpha2_psi = barriers.rows(x, t, settings)
+        a, b, h, priority, alpha2_psi = planar_rows(barriers, x, t, settings)
         assert alpha2_psi is not None
         program(u, CbfRows(a[0], b[0], h[0], priority[0], alpha2_psi[0]))
 
@@ -117,7 +118,7 @@ def _solvers(repeats: int) -> dict[str, dict[str, float]]:
 def _filter_batch(name: str, m: int, size: int) -> Callable[[], Any]:
     barriers, x, t, u = states(size, m)
     batch, settings = programs.make_batch(name), RowSettings()
-    return lambda: batch(u, barriers.rows(x, t, settings))
+    return lambda: batch(u, planar_rows(barriers, x, t, settings))
 
 
 def _batch(repeats: int, size: int) -> dict[str, float]:

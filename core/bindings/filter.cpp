@@ -199,32 +199,6 @@ class Filter {
   std::vector<step::Room> rooms_;
 };
 
-// Arrays of a scene, and what they held.
-class Compared {
- public:
-  using Codes = Numbers<const Index, 2>;
-  using Blocks = Numbers<const double, 3>;
-
-  Compared(Codes kind, Blocks parameters, Codes priority, Codes kind_before, Blocks parameters_before,
-           Codes priority_before)
-      : codes_{{std::move(kind), std::move(kind_before)}, {std::move(priority), std::move(priority_before)}},
-        blocks_{std::move(parameters), std::move(parameters_before)} {}
-
-  bool differ() const {
-    return are_unequal(codes_[0].first, codes_[0].second) || are_unequal(codes_[1].first, codes_[1].second) ||
-           are_unequal(blocks_.first, blocks_.second);
-  }
-
- private:
-  template <class Array>
-  static bool are_unequal(const Array& now, const Array& before) {
-    return !std::equal(now.data(), now.data() + now.size(), before.data());
-  }
-
-  std::pair<Codes, Codes> codes_[2];
-  std::pair<Blocks, Blocks> blocks_;
-};
-
 }  // namespace
 
 void bind_filter(nb::module_& m) {
@@ -257,12 +231,6 @@ void bind_filter(nb::module_& m) {
       "is_covariance",
       [](const Numbers<const double, 2>& matrix) { return state_check::is_covariance(view(matrix)); },
       "matrix"_a, "Return whether a matrix is symmetric without negative eigenvalues, up to rounding.");
-  nb::class_<Compared>(m, "Compared", "Arrays of a scene, and copies of what they held.")
-      .def(nb::init<Compared::Codes, Compared::Blocks, Compared::Codes, Compared::Codes, Compared::Blocks,
-                    Compared::Codes>(),
-           "kind"_a.noconvert(), "parameters"_a.noconvert(), "priority"_a.noconvert(),
-           "kind_before"_a.noconvert(), "parameters_before"_a.noconvert(), "priority_before"_a.noconvert())
-      .def("differ", &Compared::differ, "Return whether any number is another than before.");
   m.attr("ASIDE") = axle_step::ASIDE;
   m.def("is_edge", axle_step::is_edge, "kind"_a,
         "Return whether a condition is on the place, by a unit normal.");

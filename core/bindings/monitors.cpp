@@ -3,21 +3,8 @@
 
 #include "records.hpp"
 
-// As the named tuples of `filtering.model_monitor` hold them.
 namespace nanobind::detail {
-using hcbf::Cube, hcbf::Index, hcbf::Matrix, hcbf::Vector;
-namespace monitors = hcbf::model_monitor;
-template <>
-struct type_caster<monitors::Watched>
-    : tuple_caster<monitors::Watched, double, double, double, Vector<const double>, Vector<const bool>> {};
-template <>
-struct type_caster<monitors::Sample>
-    : tuple_caster<monitors::Sample, Matrix<const double>, Matrix<const double>, Matrix<const double>,
-                   Cube<const double>, Cube<const double>> {};
-template <>
-struct type_caster<monitors::Arrival>
-    : tuple_caster<monitors::Arrival, Matrix<double>, Cube<double>, Matrix<double>, Vector<bool>,
-                   Matrix<double>, Matrix<double>> {};
+using hcbf::Cube, hcbf::Index, hcbf::Matrix;
 template <>
 struct type_caster<hcbf::nearness::Scenes>
     : tuple_caster<hcbf::nearness::Scenes, Matrix<const Index>, Cube<const double>> {};

@@ -70,13 +70,6 @@ class Atlas:
         chosen.held = {(places[i], k): one for (i, k), one in self.held.items() if i in places}
         return chosen
 
-    def repeated(self, count: int) -> "Atlas":
-        """Return what scene 0 holds in each of `count` scenes, and the same numbers."""
-        chosen = self.of({0: 0})
-        one = chosen.held
-        chosen.held = {(i, k): held for i in range(count) for (_, k), held in one.items()}
-        return chosen
-
     def _append(self, numbers: Array, barrier: Mapped) -> None:
         pieces = barrier.pieces
         begin, self._end = self._end, self._end + pieces.packed.size

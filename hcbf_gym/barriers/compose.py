@@ -1,21 +1,18 @@
-"""Functions h(x, t) from others: minimum, maximum, product, and their smooth forms, for JAX.
+"""Functions h(x, t) from others: their minimum and maximum, for JAX.
 
 Each takes functions, `Function` barriers or built-in shapes, and returns a function that
 `barriers.Function` takes. `minimum` and `maximum` have kinks, where a row's conditioning falls;
 instead of a minimum, prefer two barriers of one priority.
 """
 
-from types import ModuleType
 from typing import Any
-
-import numpy as np
 
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function, Scalar
 from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.autodiff import import_jax
 
 Part = Scalar | Barrier
@@ -49,38 +46,6 @@ def maximum(*parts: Part) -> Scalar:
     return greatest
 
 
-def product(*parts: Part) -> Scalar:
-    """Return ``∏ h_i``; it is positive, too, where an even number of parts is negative."""
-    functions = _functions(parts)
-    jnp = import_jax("product").numpy
-    return lambda x, t: jnp.stack([h(x, t) for h in functions]).prod()
-
-
-def smooth_minimum(*parts: Part, sharpness: float) -> Scalar:
-    """Return ``−log Σ exp(−k h_i) / k``, below the minimum by at most ``log(parts) / k``.
-
-    Args:
-        parts: functions or barriers.
-        sharpness: k, in units of 1/h, positive.
-    """
-    functions, k = _functions(parts), _sharpness(sharpness)
-    jax = import_jax("smooth_minimum")
-    return lambda x, t: -_log_sum_exp(jax, [-k * h(x, t) for h in functions]) / k
-
-
-def smooth_maximum(*parts: Part, sharpness: float) -> Scalar:
-    """Return ``(log Σ exp(k h_i) − log parts) / k``, below the maximum by at most the last term.
-
-    Args:
-        parts: functions or barriers.
-        sharpness: k, in units of 1/h, positive.
-    """
-    functions, k = _functions(parts), _sharpness(sharpness)
-    jax = import_jax("smooth_maximum")
-    excess = np.log(len(parts))
-    return lambda x, t: (_log_sum_exp(jax, [k * h(x, t) for h in functions]) - excess) / k
-
-
 def traced(barrier: Barrier) -> Scalar:
     """Return h(x, t) of a built-in shape or a `Function`, for JAX.
 
@@ -105,11 +70,3 @@ def _functions(parts: tuple[Part, ...]) -> list[Scalar]:
     if not parts:
         raise InvalidInputError("compose: nothing is given, expected a function or barrier")
     return [traced(part) if isinstance(part, Barrier) else part for part in parts]
-
-
-def _sharpness(value: float) -> float:
-    return finite_float("sharpness", value, minimum=0.0, exclusive=True)
-
-
-def _log_sum_exp(jax: ModuleType, values: list[Any]) -> Any:
-    return jax.nn.logsumexp(jax.numpy.stack(values))

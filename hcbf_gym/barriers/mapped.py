@@ -6,12 +6,12 @@ of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout, zone
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.layout import MAPPED, ZONES
@@ -19,9 +19,6 @@ from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
-
-ROOM = 256
-"""For so many pieces at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,21 +175,3 @@ class MappedZone(OnGrid):
         hessian[2:4, 2:4] = -np.eye(2) / self.limit
         h = _core.zone_value(self.limit, away, float(x[2]), float(x[3]))
         return Jet(h, gradient, hessian, 0.0, np.zeros(n), 0.0)
-
-
-class Scene(NamedTuple):
-    """m conditions of one plant as `BarrierSet` holds them; of a map, or of its nearby pieces.
-
-    Attributes:
-        kind: (m,) which kernel evaluates each.
-        parameters: (m, WIDTH) what it reads.
-        priority: (m,).
-        own_margin: (m,) what each reserves by itself.
-        source: (m,) which condition of the scene each stands for.
-    """
-
-    kind: Integers
-    parameters: Array
-    priority: Integers
-    own_margin: Array
-    source: Integers

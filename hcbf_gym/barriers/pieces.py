@@ -10,7 +10,6 @@ every compiled call, and the pieces of another map follow without a table of the
 """
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -83,31 +82,3 @@ class Pieces:
             block[convex_polygon.FIRST : end].reshape(-1, 2)
             for block, end in zip(blocks, ends, strict=True)
         ]
-
-
-class Nearest(NamedTuple):
-    """The piece nearest a point.
-
-    Attributes:
-        distance: signed [m]; infinite where there is no piece.
-        block: where its block begins in the atlas; −1 where there is none.
-    """
-
-    distance: float
-    block: int
-
-
-class Lists(NamedTuple):
-    """Where the lists of pieces begin in the atlas.
-
-    Attributes:
-        starts: of each bucket's entries among the items.
-        items: numbers of pieces, bucket after bucket.
-        boxes: of the pieces.
-        blocks: likewise.
-    """
-
-    starts: int
-    items: int
-    boxes: int
-    blocks: int

@@ -5,28 +5,20 @@ counts from t₀ is written as of time 0 of the plant's clock, p₀ − w t₀, 
 block needs the plant's time alone. A `Function` and a class with a `jet` read that time themselves.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from copy import copy
-from operator import is_
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
-from hcbf_gym.barriers.many import Shapes
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.many import Flat
+from hcbf_gym.barriers.set import BarrierSet, places_of
 from hcbf_gym.barriers.shapes import SHAPES
 
 _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
-_COMPARED = "kind", "parameters", "priority"
-_COPIED = *_COMPARED, "keeps_margin", "own_margin"
 _NEW = -1
-
-Listed = Sequence[Barrier | Shapes]
 
 
 class Placing:
@@ -40,21 +32,12 @@ class Placing:
     """
 
     def __init__(self, count: int):
-        self._given: BarrierSet | None = None
-        self._listed: list[Listed] = [()] * count
-        self._version: Integers = np.zeros(count, dtype=np.int64)
-        self._content: list[Any] = []  # of a set that others may write to
-        self._written: tuple[Any, ...] = ()  # its arrays
-        self._compared: _core.Compared | None = None  # both
+        self._listed: list[Flat] | None = None
         self._since: Array = np.zeros((count, 0))
         self._there: dict[tuple[int, int], tuple[PlanarBarrier, float, Barrier]] = {}
         self._begins: Mask = np.ones(count, dtype=np.bool_)
         self._went_back: Mask = np.zeros(count, dtype=np.bool_)
         self.is_due = True
-
-    def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; it compares its own arrays."""
-        return vars(self) | {"_written": (), "_compared": None}
 
     def forget(self, mask: Mask) -> None:
         """Let all shapes of the masked plants (N,) count from their next time."""
@@ -66,28 +49,6 @@ class Placing:
         self._went_back |= mask
         self.is_due = True
 
-    def is_edited(self, given: BarrierSet) -> bool:
-        """Return whether the set that was placed last was written to since."""
-        if not self._content or given is not self._given:
-            return False
-        now: tuple[Any, Any, Any] = given.kind, given.parameters, given.priority
-        if self._compared is None or not all(map(is_, now, self._written)):
-            if not all(map(_are_alike, now, self._content)):
-                return bool(self.edited(given).any())
-            self._compared, self._written = _core.Compared(*now, *self._content), now
-        return self._compared.differ()
-
-    def edited(self, given: BarrierSet) -> Mask:
-        """Return (N, m) which blocks of the set that was placed last were written to since."""
-        changed = np.zeros(given.kind.shape, dtype=np.bool_)
-        for name, before in zip(_COMPARED, self._content, strict=False):
-            now = getattr(given, name)
-            if now.shape != before.shape:
-                return ~changed
-            differs = now != before
-            changed |= differs.any(axis=2) if differs.ndim == 3 else differs
-        return changed
-
     def place(self, given: BarrierSet, now: Array, since: float | None = None) -> BarrierSet:
         """Return the scenes as of time 0 of the plants' clocks.
 
@@ -96,18 +57,13 @@ class Placing:
             now: (N,) the plants' times [s].
             since: from when all of them count [s]; None for the law of this module.
         """
-        is_fixed = given.since is not None
-        starts = given.since if is_fixed else since
-        if starts is None:
-            self._since = self._starts(given, now)
-        else:
-            self._since = np.full(given.kind.shape, starts)
-        self._content, self._compared = [], None
-        placed = given if given.since == 0.0 else self._moved(given)
-        self._given, self._listed = given, list(given.listed)
-        self._version = given.version.copy()
+        if given.is_placed:
+            since = 0.0
+        shape = given.kind.shape
+        self._since = self._starts(given, now) if since is None else np.full(shape, since)
+        self._listed = given.listed
         self._begins[:] = self._went_back[:] = self.is_due = False
-        return placed
+        return given if given.is_placed else self._moved(given)
 
     def as_of_zero(self, barriers: Sequence[Barrier]) -> list[Barrier]:
         """Return the barriers of plant 0, which were placed last, as of time 0 of its clock."""
@@ -120,33 +76,29 @@ class Placing:
 
     def _starts(self, given: BarrierSet, now: Array) -> Array:
         """Return (N, m) the times from which the shapes count [s]."""
-        if self._given is None or self._begins.all():
+        if self._listed is None or self._begins.all():
             return np.repeat(now[:, None], given.kind.shape[1], axis=1)
         before = self._since
         if self._went_back.any():
             late = self._went_back[:, None] & (before > now[:, None])
             before = np.where(late, now[:, None], before)
-        source = self._sources(given)
+        source = self._sources(given, self._listed)
         source[self._begins] = _NEW
         return np.take_along_axis(np.hstack([before, now[:, None]]), source, axis=1)
 
-    def _sources(self, given: BarrierSet) -> Integers:
+    def _sources(self, given: BarrierSet, were: list[Flat]) -> Integers:
         """Return (N, m) at which place the same objects were before, `_NEW` for none."""
-        count, m = given.kind.shape
-        found = np.full((count, m), _NEW)
-        same = np.zeros(count, dtype=np.bool_)
-        if given is self._given:  # whose arrays may have been written to
-            same = given.version == self._version
-            found[same] = np.where(self.edited(given), _NEW, np.arange(m))[same]
-        for i in np.flatnonzero(~same).tolist():
-            listed, before = given.listed[i], self._listed[i]
-            if i and listed is given.listed[i - 1] and before is self._listed[i - 1]:
+        if given.listed is were:
+            return np.tile(np.arange(given.kind.shape[1]), (len(were), 1))
+        found = np.full(given.kind.shape, _NEW)
+        for i, (listed, before) in enumerate(zip(given.listed, were, strict=True)):
+            if i and listed is given.listed[i - 1] and before is were[i - 1]:
                 found[i] = found[i - 1]
                 continue
             if set(map(id, before)).isdisjoint(map(id, listed)):
                 continue
-            known = {id(one): place for one, place, _ in _places(before)}
-            for one, place, end in _places(listed):
+            known = {id(one): place for one, place, _ in places_of(before)}
+            for one, place, end in places_of(listed):
                 was = known.get(id(one))
                 if was is not None:
                     found[i, place:end] = np.arange(was, was + end - place)
@@ -157,14 +109,11 @@ class Placing:
         steps = -self._since[..., None] * given.parameters[..., _VELOCITY]
         moved = given.is_region & (steps != 0.0).any(axis=2)
         own = self._own(given)
-        if given.is_kept and not own and not moved.any():
+        if not own and not moved.any():
             return given
         placed = copy(given)
-        for name in _COPIED:
-            setattr(placed, name, getattr(given, name).copy())
-        if not given.is_kept:
-            self._content = [getattr(given, name).copy() for name in _COMPARED]
-        for cls in SHAPES if moved.any() else ():
+        placed.parameters = given.parameters.copy()
+        for cls in SHAPES:
             these = moved & (given.kind == cls.code)
             if not these.any():
                 continue
@@ -173,7 +122,9 @@ class Placing:
             placed.parameters[these] = blocks
         placed.own, placed.listed = given.own | own, list(given.listed)
         for i in {i for i, _ in own}:
-            placed.listed[i] = tuple(own.get((i, k), one) for one, k, _ in _places(given.listed[i]))
+            placed.listed[i] = tuple(
+                own.get((i, k), one) for one, k, _ in places_of(given.listed[i])
+            )
         return placed
 
     def _own(self, given: BarrierSet) -> dict[tuple[int, int], Barrier]:
@@ -190,21 +141,6 @@ class Placing:
         return {place: there for place, (one, _, there) in self._there.items() if there is not one}
 
 
-def _are_alike(now: NDArray[Any], before: NDArray[Any]) -> bool:
-    """Return whether the core can compare two arrays."""
-    same = now.shape == before.shape and now.dtype == before.dtype
-    return same and now.flags.c_contiguous
-
-
 def _elsewhere(one: PlanarBarrier, step: Array) -> Barrier:
     """Return a shape elsewhere; a user's own kind of shape is looked at as it is."""
     return one.moved(step) if type(one) in SHAPES else PlanarBarrier.moved(one, step)
-
-
-def _places(listed: Listed) -> Iterator[tuple[Barrier | Shapes, int, int]]:
-    """Yield the entries of a scene, each with its first place and the place behind its last."""
-    k = 0
-    for one in listed:
-        end = k + (len(one) if isinstance(one, Shapes) else 1)
-        yield one, k, end
-        k = end

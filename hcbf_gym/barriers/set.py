@@ -1,35 +1,24 @@
 """The barriers of one scene, or of N scenes, as arrays that the compiled kernels read."""
 
-import operator
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import layout, margins, zone
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
-from hcbf_gym.barriers.general_kernels import WIDTH
-from hcbf_gym.barriers.many import Several, Shapes
+from hcbf_gym.barriers.many import Element, Flat, Shapes, each, is_list
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.own_rows import write_own_row
-from hcbf_gym.barriers.rows import ALPHA2_PSI, B, CbfRows, H, RowSettings
 from hcbf_gym.barriers.shapes import SHAPES
-from hcbf_gym.barriers.speed_limit import SpeedLimit, check_leaves_speed
+from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, count, instance, shown
-from hcbf_gym.models.plant import Uncertainty
 
-Entry = Barrier | Shapes | Several
-
-_Read = list[tuple[Several, tuple[Barrier, ...]]]
-"""Entries of a scene that stand for several barriers, and those for which they stood."""
-
-_ARRAYS = ("kind", "parameters", "priority", "keeps_margin", "own_margin")
+_ARRAYS = "kind", "parameters", "priority", "keeps_margin", "own_margin"
 _SHAPES = set(SHAPES)
-_BUILT_IN = {*SHAPES, SpeedLimit}  # a user's own class may derive from one and change it
 
 
 class Condition(NamedTuple):
@@ -51,18 +40,17 @@ class BarrierSet:
     call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
 
     A scene may leave ranks out, such as those of obstacles that are not in sight, and may be empty.
+    One that is shorter than the longest, m, ends with places of the kind `layout.NONE`.
 
     Args:
-        scenes: N sequences of m barriers; `Shapes` and what is `Several` count as so many.
-        before: a set that nobody sets any more, whose pieces of maps stay where they stand.
-        since: the plant's time at which shapes are where they are put [s]; None is the time at
-            which a filter first sees a scene.
-        fills: whether scenes may be shorter than the longest one, m; they end with places of the
-            kind `layout.NONE`, which have no row.
+        scenes: N sequences of elements.
+        before: a set that nobody sets any more, whose pieces of maps stay where they are.
+        is_placed: whether shapes are where they are at time 0 of the plant's clock, as those of an
+            environment that sets its scenes here; its filter then reads these very arrays.
 
     Raises:
-        InvalidInputError: if the scenes differ in length and are not filled, or an entry is no
-            `Barrier`.
+        InvalidInputError: if an element is no barrier, or `Shapes` of so many plants are in a set
+            of another number.
 
     Attributes:
         kind: (N, m) which kernel evaluates the barrier, see `layout`.
@@ -70,30 +58,28 @@ class BarrierSet:
         priority: (N, m) 1 is the highest and strict; 0 of no barrier.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
-        version: (N,) how often each scene was set: a filter sees by it what is news.
+        version: (N,) how often each scene was set: a filter sees by it which have changed.
         edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
-        since: as given.
-        is_kept: whether only its filter has it, so that its arrays stay as they are.
-        entries: N sequences, what the scenes were set from; () where that were arrays.
-        listed: N sequences, those barriers one by one, as they were read.
-        atlas: where the pieces of maps stand.
+        listed: N sequences, the barriers one by one.
+        atlas: where the pieces of maps are.
     """
 
     def __init__(
         self,
-        scenes: Sequence[Sequence[Entry]],
+        scenes: Sequence[Sequence[Element]],
         before: "BarrierSet | None" = None,
-        since: float | None = None,
-        fills: bool = False,
+        is_placed: bool = False,
     ):
         if not is_list(scenes):
             raise InvalidInputError(f"barrier set: got {shown(scenes)}, expected N sequences")
         if before is not None:
             instance("before", before, BarrierSet)
-        self.since, self.is_kept, self._fills = since, False, fills
-        shape = (len(scenes), max(map(_length, scenes), default=0))
-        self.kind = np.zeros(shape, dtype=np.int64)
+        self.is_placed = is_placed
+        same = len(scenes) > 1 and all(scene is scenes[0] for scene in scenes)
+        listed = [each(scene) for scene in (scenes[:1] if same else scenes)]
+        shape = len(scenes), max(map(_length, listed), default=0)
+        self.kind = np.full(shape, layout.NONE)
         self.parameters = np.zeros((*shape, layout.WIDTH))
         self.priority = np.zeros(shape, dtype=np.int64)
         self.keeps_margin = np.zeros(shape)
@@ -102,68 +88,80 @@ class BarrierSet:
         self.edits = 0
         self.own: dict[tuple[int, int], Barrier] = {}
         self.atlas = Atlas(None if before is None else before.atlas)
-        self.entries: list[Sequence[Entry]] = [()] * len(scenes)
-        self.listed: list[Sequence[Barrier | Shapes]] = [()] * len(scenes)
-        self._read: dict[int, _Read] = {}
-        for i, scene in enumerate(scenes):
-            self.set_scene(i, scene)
+        self.listed: list[Flat] = [()] * len(scenes)
+        for i, one in enumerate(listed):
+            self._set(i, one)
+        if same:
+            self._repeat()
 
-    def set_scene(self, i: int, scene: Sequence[Entry]) -> None:
+    def set_scene(self, i: int, scene: Sequence[Element]) -> None:
         """Replace the barriers of scene `i`.
 
         Raises:
-            InvalidInputError: if there are not m of them, or more in a set that fills up scenes, or
-                an entry is no `Barrier`.
+            InvalidInputError: if there are more than m of them, or an element is no barrier.
         """
         i = count("scene", i, minimum=0, maximum=len(self.kind) - 1)
-        entries: Any = _scene(scene)
-        read = [
-            (one, tuple(one.conditions))
-            for one in entries
-            if type(one) not in _BUILT_IN and isinstance(one, Several)
-        ]
-        barriers = entries
-        if read:
-            stands_for = {id(one): conditions for one, conditions in read}
-            barriers = tuple(b for one in entries for b in stands_for.get(id(one), (one,)))
-        runs = [(cls, list(run)) for cls, run in groupby(barriers, type)]
-        given, m = sum(_count(cls, run) for cls, run in runs), self.kind.shape[1]
-        if given > m or (given < m and not self._fills):
-            raise InvalidInputError(f"barrier set: got a scene of {given} barriers, expected {m}")
-        self.version[i] += 1
-        self.edits += 1
-        self.entries[i], self.listed[i] = entries, barriers
-        self._read.pop(i, None)
-        if read:
-            self._read[i] = read
+        listed, m = each(scene), self.kind.shape[1]
+        given = _length(listed)
+        if given > m:
+            raise InvalidInputError(
+                f"barrier set: got a scene of {given} barriers, expected at most {m}"
+            )
         for places in (self.own, self.atlas.held):
             for k in range(m) if places else ():
                 places.pop((i, k), None)
-        for array in (self.parameters, self.priority, self.keeps_margin, self.own_margin):
-            array[i, given:] = 0
-        self.kind[i, given:] = layout.NONE
+        for name in _ARRAYS:
+            getattr(self, name)[i] = layout.NONE if name == "kind" else 0
+        self._set(i, listed)
+
+    def changed(self, i: int) -> None:
+        """Note that the arrays of scene `i` were written to."""
+        self.version[i] += 1
+        self.edits += 1
+
+    def _set(self, i: int, listed: Flat) -> None:
+        """Write the barriers of scene `i`, which is empty."""
+        self.changed(i)
+        self.listed[i] = listed
         k = 0
-        for cls, run in runs:
+        for cls, run in ((cls, list(run)) for cls, run in groupby(listed, type)):
             if cls in _SHAPES:
                 end = k + len(run)
                 self.kind[i, k:end] = cls.code
                 self.parameters[i, k:end] = cls.blocks_of(run)
                 self.priority[i, k:end] = ranks = np.array([one.priority for one in run])
-                self.keeps_margin[i, k:end], self.own_margin[i, k:end] = ranks == 1, 0.0
+                self.keeps_margin[i, k:end] = ranks == 1
                 k = end
                 continue
             for barrier in run:
                 k = self._set_one(i, k, barrier)
+
+    def _repeat(self) -> None:
+        """Let all scenes be like scene 0, but for what `Shapes` have of each plant."""
+        everywhere = range(1, len(self.kind))
+        for name in (*_ARRAYS, "version"):
+            array = getattr(self, name)
+            array[1:] = array[0]
+        self.listed = self.listed[:1] * len(self.kind)
+        for places in (self.own, self.atlas.held):
+            there: list[Any] = list(places.items())
+            places.update({(i, k): one for (_, k), one in there for i in everywhere})
+        for one, k, end in places_of(self.listed[0]):
+            if isinstance(one, Shapes) and one.parameters.ndim == 3:
+                self.parameters[:, k:end] = one.parameters
 
     def _set_one(self, i: int, k: int, barrier: Barrier | Shapes) -> int:
         """Put a barrier that is no built-in shape at (scene, place); return the place behind it."""
         end = k + (len(barrier) if isinstance(barrier, Shapes) else 1)
         self.priority[i, k:end] = barrier.priority
         self.keeps_margin[i, k:end] = barrier.priority == 1 and barrier.reads_position
-        self.own_margin[i, k:end] = barrier.margin if isinstance(barrier, SpeedLimit) else 0.0
         if isinstance(barrier, Shapes):
-            self.kind[i, k:end], self.parameters[i, k:end] = barrier.kind, barrier.parameters
-        elif type(barrier) is SpeedLimit:
+            self.kind[i, k:end] = barrier.kind
+            self.parameters[i, k:end] = barrier.of_plant(i, len(self.kind))
+            return end
+        if isinstance(barrier, SpeedLimit):
+            self.own_margin[i, k] = barrier.margin
+        if type(barrier) is SpeedLimit:
             self.kind[i, k] = barrier.write(self.parameters[i, k])
         elif isinstance(barrier, Mapped):
             self.atlas.hold((i, k), barrier, self.parameters)
@@ -174,24 +172,6 @@ class BarrierSet:
             self.own[i, k] = barrier
             self.kind[i, k] = layout.CUSTOM
         return end
-
-    @property
-    def may_change(self) -> bool:
-        """Whether entries stand for several barriers, which may be others by now."""
-        return bool(self._read)
-
-    def is_as_read(self) -> bool:
-        """Return whether entries that stand for several barriers stand for those that were read."""
-        return all(map(_stand, self._read.values()))
-
-    def read_again(self) -> None:
-        """Read what stands for several barriers and has changed in place; its scenes are news.
-
-        Raises:
-            InvalidInputError: as `set_scene` does.
-        """
-        for i in [i for i, read in self._read.items() if not _stand(read)]:
-            self.set_scene(i, self.entries[i])
 
     @property
     def is_region(self) -> Mask:
@@ -207,85 +187,27 @@ class BarrierSet:
             moving[i] = moving[i] or reads_time(barrier, 4)
         return moving
 
-    def check(
-        self, hold: tuple[float | None, float], speed_margin: float = 0.0, turn: float = 0.0
-    ) -> None:
-        """Refuse speed limits and speed zones that no input can satisfy.
-
-        Args:
-            hold: how long an input is held [s], None where that is not known, and the largest norm
-                of an input [m/s²].
-            speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
-            turn: the greatest turning rate of a differential drive [rad/s]; 0 for all others.
-
-        Raises:
-            InvalidInputError: if a margin leaves nothing of a speed limit, or a held input can pass
-                it from rest within one period.
-        """
-        capped = self.kind == layout.SPEED_LIMIT
-        v_max = self.parameters[capped, layout.V_MAX]
-        margin = self.own_margin[capped] + speed_margin
-        if len(v_max):
-            worst = int(np.argmin(v_max - 2.0 * margin))
-            check_leaves_speed("speed limit", v_max[worst], margin[worst])
-        period, u_max = hold
-        if period is None:
-            return
-        zones = self.kind == layout.ZONES
-        limit = self.parameters[zones, layout.V_MAX]
-        lowest = zone.least_limit(period, u_max, speed_margin, turn)
-        if (limit < lowest).any():
-            raise InvalidInputError(
-                f"speed zone: got {limit.min():g} m/s, expected at least {lowest:g} m/s: its row "
-                f"reserves {speed_margin:g} m/s, and an input passes the rest within one period"
-            )
-        gained = u_max * period
-        least = np.sqrt(v_max * (v_max - 2.0 * margin)).min(initial=np.inf)
-        if least <= gained:
-            raise InvalidInputError(
-                f"speed limit: got {least:g} m/s after its margin, expected above {gained:g} m/s, "
-                "which an input reaches within one period: sample faster or allow smaller inputs"
-            )
-
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return name and rank of the barriers of scene `i`, in the order of the report's rows.
 
         Places that no barrier takes are called "nothing", and their rank is 0.
         """
         names = [
-            barrier.name
-            for barrier in self.listed[i]
-            for _ in range(len(barrier) if isinstance(barrier, Shapes) else 1)
+            barrier.name for barrier, k, end in places_of(self.listed[i]) for _ in range(k, end)
         ]
         ranks = self.priority[i].tolist()
-        names = names or [f"condition {k}" for k in range(1, np.count_nonzero(ranks) + 1)]
         names += ["nothing"] * (len(ranks) - len(names))
         return [Condition(*pair) for pair in zip(names, ranks, strict=True)]
-
-    def repeated(self, count: int) -> "BarrierSet":
-        """Return `count` scenes like scene 0."""
-        chosen = BarrierSet([()] * count, since=self.since)
-        chosen.is_kept = self.is_kept
-        for name in _ARRAYS:
-            setattr(chosen, name, np.repeat(getattr(self, name)[:1], count, axis=0))
-        everywhere = range(count)
-        chosen.entries, chosen.listed = [self.entries[0]] * count, [self.listed[0]] * count
-        chosen._read = dict.fromkeys(everywhere, self._read[0]) if self._read else {}
-        chosen.own = {(i, k): own for i in everywhere for (_, k), own in self.own.items()}
-        chosen.atlas = self.atlas.repeated(count)
-        return chosen
 
     def of(self, mask: Mask) -> "BarrierSet":
         """Return the masked scenes (N,), as a set of their own; this one where all are."""
         if mask.all():
             return self
-        chosen = BarrierSet([()] * int(mask.sum()), since=self.since, fills=self._fills)
+        chosen = BarrierSet([()] * int(mask.sum()), is_placed=self.is_placed)
         for name in (*_ARRAYS, "version"):
             setattr(chosen, name, getattr(self, name)[mask])
         places = {int(i): place for place, i in enumerate(np.flatnonzero(mask))}
-        chosen.entries = [self.entries[i] for i in places]
         chosen.listed = [self.listed[i] for i in places]
-        chosen._read = {places[i]: read for i, read in self._read.items() if i in places}
         chosen.own = {(places[i], k): own for (i, k), own in self.own.items() if i in places}
         chosen.atlas = self.atlas.of(places)
         return chosen
@@ -325,120 +247,6 @@ class BarrierSet:
             sensed[scenes, k] = _seen(jet)
         return h, sensed
 
-    def margins(self, margin: Array | float) -> Array:
-        """Return (N, m) what each row reserves between h and zero.
-
-        Args:
-            margin: (N, m); or one number [m] for strict rows on the position, while a speed limit
-                reserves its own.
-        """
-        given = np.asarray(margin, dtype=np.float64)
-        return given if given.ndim else self.keeps_margin * given + self.own_margin
-
-    def rows(
-        self,
-        x: Array,
-        t: Array,
-        settings: RowSettings,
-        margin: Array | float = 0.0,
-        margin_rate: Array | float = 0.0,
-        quickening: Array | float = 0.0,
-    ) -> CbfRows:
-        """Return the rows of N states, each field with a leading axis N.
-
-        Args:
-            x: (N, 4) positions [m] and velocities [m/s].
-            t: (N,) times [s].
-            settings: α₁, α₂, and whether u is held.
-            margin: (N, m) what each row reserves between h and zero; or one number, see `margins`.
-            margin_rate: (N, m) its rate of change, as far as it is known.
-            quickening: (N, m) the rate of that of rows on the position.
-        """
-        shape = self.kind.shape
-        kept = np.empty((3, *shape))
-        kept[0], kept[1], kept[2] = self.margins(margin), margin_rate, quickening
-        a, out = np.empty((*shape, 2)), np.empty((4, *shape))
-        _core.planar_rows(self.kind, self.parameters, kept, x, t, settings.packed, a, out)
-        for (i, k), barrier in self.own.items():
-            row = np.zeros(WIDTH + 2)
-            write_own_row(barrier, x[i], float(t[i]), settings, kept[:, i, k].tolist(), row)
-            a[i, k], out[:, i, k] = row[WIDTH:], row[:4]  # as `B` …
-        return CbfRows(
-            a,
-            out[B],
-            out[H],
-            self.priority,
-            out[ALPHA2_PSI],
-        )
-
-    def reserved(
-        self,
-        settings: Uncertainty,
-        x: Array,
-        t: Array,
-        model: Array,
-        lag: Array,
-        covariance: Array,
-        growth: Array | None = None,
-        period: float = 0.0,
-    ) -> Array:
-        """Return (4, N, m) what the rows of N states reserve, as `margins.derive` writes it.
-
-        Args:
-            settings: the formula's numbers, d, k_v, k_p, cap, κ, ρ, d_s and k_s in this order.
-            x: (N, 4) states.
-            t: (N,) times [s].
-            model: (N, 4) states of the reduced-order models.
-            lag: (N, 4) tracking errors.
-            covariance: (N, 4, 4) of the states.
-            growth: (N,) g, by how much those of the velocities grow until the next sample [m²/s²];
-                None for zeros.
-            period: T [s]; 0 where it is not known.
-        """
-        out = np.zeros((4, *self.kind.shape))
-        grown = np.zeros(len(x)) if growth is None else growth
-        known = x, t, model, lag, covariance, grown
-        _core.margins_reserved(
-            np.array(settings, dtype=float), self.kind, self.parameters, *known, period, out
-        )
-        out[margins.MARGIN] += self.own_margin
-        return out
-
-    def nearby(
-        self,
-        settings: RowSettings,
-        uncertainty: Uncertainty,
-        radius: float,
-        x: Array,
-        model: Array,
-        lag: Array,
-        covariance: Array,
-        growth: float = 0.0,
-    ) -> "tuple[BarrierSet, Integers]":
-        """Return scene 0 at a state, maps replaced by their nearby pieces, and (M,) what is whose.
-
-        Args:
-            settings: how rows are made.
-            uncertainty: what they reserve.
-            radius: the largest norm of an input [m/s²].
-            x: (4,) state.
-            model: (4,) the reduced-order model's own.
-            lag: (4,) tracking error.
-            covariance: (4, 4) of x.
-            growth: by how much that of the velocity grows until the next sample [m²/s²].
-        """
-        scene = self.kind[0], self.parameters[0], self.priority[0], self.own_margin[0]
-        atlas = np.empty(0) if self.atlas.numbers is None else self.atlas.numbers
-        numbers = np.array(uncertainty, dtype=float), settings.packed, radius
-        known = x, model, lag, covariance, growth
-        *found, source = _core.map_nearby(*numbers, *scene, atlas, *known)
-        part = BarrierSet([()])
-        part.kind, part.parameters, part.priority, part.own_margin = (one[None] for one in found)
-        part.keeps_margin = self.keeps_margin[:, source]
-        first = [(r, int(k)) for r, k in enumerate(source)]
-        part.own = {(0, r): self.own[0, k] for r, k in first if (0, k) in self.own}
-        return part, source
-
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
         """Yield each user's own barrier with its place and the scenes that share the object."""
         groups: dict[tuple[int, int], tuple[list[int], int, Barrier]] = {}
@@ -447,72 +255,18 @@ class BarrierSet:
         yield from groups.values()
 
 
-def each(scene: Sequence[Entry]) -> Iterator[Barrier | Shapes]:
-    """Yield the entries of a scene, those that stand for several one by one.
-
-    Raises:
-        InvalidInputError: if an entry is no barrier.
-    """
-    for entry in _scene(scene):
-        if type(entry) in _BUILT_IN:
-            yield entry
-        else:
-            yield from map(_checked, entry.conditions if isinstance(entry, Several) else (entry,))
+def places_of(listed: Flat) -> Iterator[tuple[Barrier | Shapes, int, int]]:
+    """Yield the barriers of a scene, each with its first place and the place behind its last."""
+    k = 0
+    for one in listed:
+        end = k + (len(one) if isinstance(one, Shapes) else 1)
+        yield one, k, end
+        k = end
 
 
-def _count(cls: type, run: Sequence[Any]) -> int:
-    """Return how many barriers entries of one class are.
-
-    Raises:
-        InvalidInputError: if an entry is none.
-    """
-    if cls in _BUILT_IN:
-        return len(run)
-    return sum(len(b) if isinstance(b, Shapes) else 1 for b in map(_checked, run))
-
-
-def _checked(barrier: Any) -> Barrier | Shapes:
-    if not isinstance(barrier, Barrier | Shapes):
-        raise InvalidInputError(
-            f"barrier set: got {shown(barrier)}, expected an object of a class derived from "
-            "hcbf_gym.barriers.Barrier, Shapes, or a map"
-        )
-    return barrier
-
-
-def is_list(scene: object) -> TypeGuard[Sequence[Any]]:
-    """Return whether something may be a sequence of barriers, or of such sequences."""
-    return isinstance(scene, Sequence) and not isinstance(scene, str | bytes)
-
-
-def _scene(scene: Any) -> tuple[Any, ...]:
-    """Return the entries of a scene.
-
-    Raises:
-        InvalidInputError: if it is no sequence.
-    """
-    if not is_list(scene):
-        raise InvalidInputError(f"barrier set: got {shown(scene)}, expected a sequence of Barriers")
-    return tuple(scene)
-
-
-def _stand(read: _Read) -> bool:
-    """Return whether entries stand for the very barriers for which they stood."""
-    for one, before in read:
-        now = one.conditions
-        same = now is before or (len(now) == len(before) and all(map(operator.is_, now, before)))
-        if not same:
-            return False
-    return True
-
-
-def _length(scene: Sequence[Entry]) -> int:
-    """Return how many barriers there are.
-
-    Raises:
-        InvalidInputError: if an entry is none.
-    """
-    return sum(_count(cls, list(run)) for cls, run in groupby(each(scene), type))
+def _length(listed: Flat) -> int:
+    """Return how many rows the barriers of a scene have."""
+    return sum(len(one) if isinstance(one, Shapes) else 1 for one in listed)
 
 
 def _seen(jet: Jet) -> Array:

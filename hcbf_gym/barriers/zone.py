@@ -17,11 +17,6 @@ BRAKING = _core.ZONE_BRAKING
 """β, with which a robot slows down before a zone [m/s²]."""
 
 
-def value(limit: float, away: float, vx: float, vy: float) -> float:
-    """Return h at the distance d⁺ = `away` [m] and the velocity (vx, vy)."""
-    return (limit * limit + 2.0 * BRAKING * away - vx * vx - vy * vy) / (2.0 * limit)
-
-
 def least_limit(period: float, u_max: float, margin: float, turn: float = 0.0) -> float:
     """Return the lowest limit that a held input can satisfy after its margin [m/s].
 

@@ -79,7 +79,7 @@ class RegionsBatch:
         self.n_barriers = len(scenes[0].conditions)
         corners = scenes[0].input_set.vertices()
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
-        self.barrier_set = BarrierSet([barriers_of(s, s.v_max) for s in scenes], since=0.0)
+        self.barrier_set = BarrierSet([barriers_of(s, s.v_max) for s in scenes], is_placed=True)
         self._ranks = int(self.barrier_set.priority.max(initial=1))
         self.x = np.zeros((len(scenes), 4))
         self.steps = np.zeros(len(scenes), dtype=np.int64)

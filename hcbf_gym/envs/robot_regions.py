@@ -257,7 +257,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
 
     def _set_scene(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.barrier_set = BarrierSet([self.barriers], since=0.0)
+        self.barrier_set = BarrierSet([self.barriers], is_placed=True)
         self._references = task.reference_table(scenario)
         self._tally = StepTally(scenario, self.barrier_set.kind.shape[1], self._ranks)
 

@@ -10,8 +10,9 @@ import numpy as np
 from hcbf_gym import loading
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Shapes
+from hcbf_gym.barriers.many import each
 from hcbf_gym.barriers.placing import Placing
-from hcbf_gym.barriers.set import BarrierSet, Condition, each
+from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.certificates import identified
 from hcbf_gym.certificates import identity as identities
 from hcbf_gym.errors import InvalidInputError, as_array
@@ -71,7 +72,9 @@ def files(source: str) -> list[Path]:
 def barriers_of(plant: Plant, env: Any, sample: Sample) -> list[Barrier | Shapes]:
     """Return the barriers of a plant at a sample, one after the other, as pictures show them."""
     barriers = read(plant.barriers, env, sample.observation, sample.info)
-    return list(each(barriers.entries[0] if isinstance(barriers, BarrierSet) else barriers))
+    if isinstance(barriers, BarrierSet):
+        return list(barriers.listed[0])
+    return list(each(barriers))
 
 
 class Reading(NamedTuple):
@@ -117,8 +120,7 @@ def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Pla
     if isinstance(plant.model, DoubleIntegrator) and plant.model.n == 4:
         conditions, reads, along = scene.conditions(), scene.keeps_margin[0] > 0.0, scene.along
     else:
-        listed: Any = barriers
-        barriers = placing.as_of_zero(list(listed))
+        barriers = placing.as_of_zero(list(barriers))
         conditions = [Condition(b.name, b.priority) for b in barriers]
         reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
         along = lambda x, t: np.array([  # noqa: E731

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Info, Mask
-from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.barriers.scenes import scenes_of, scenes_of_arrays
+from hcbf_gym.barriers.many import Element, is_list
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, floats, reals
 from hcbf_gym.filtering.array_kinds import Numbers, like, numpy_of
@@ -21,8 +20,6 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
-
-Scene = Sequence[Barrier]
 
 
 class BatchFilter:
@@ -89,7 +86,8 @@ class BatchFilter:
         )  # fmt: skip
         settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
         self._core = PlanarCore(plant, input_set, settings, num_envs, count("threads", threads))
-        self._barriers: BarrierSet | None = None
+        self._barriers: Any = None
+        self._scenes: BarrierSet | None = None
         self._goal: Array | None = None
         self._extent = extent
         self._begun: Mask = np.zeros(self._count, dtype=np.bool_)
@@ -108,7 +106,7 @@ class BatchFilter:
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return name and rank of each row in the report of plant `i`."""
         i = count("i", i, minimum=0, maximum=self._count - 1)
-        return [] if self._barriers is None else self._barriers.conditions(i)
+        return [] if self._scenes is None else self._scenes.conditions(i)
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return which conditions no input met together at the last step of plant `i`.
@@ -119,40 +117,22 @@ class BatchFilter:
         """
         return self._core.conflict(i)
 
-    def set_scene(
-        self,
-        barriers: Any,
-        numbers: ArrayLike | None = None,
-        ranks: ArrayLike | None = None,
-        velocities: ArrayLike = (0.0, 0.0),
-    ) -> None:
+    def set_scene(self, barriers: Sequence[Element] | Sequence[Sequence[Element]]) -> None:
         """Set the scenes; a filter whose scene was refused brings all plants to rest.
 
         Args:
-            barriers: a list of barriers for all plants; N such lists; a `BarrierSet` of N scenes,
-                which may be changed in place; or, with the other arguments, (m,) or (N, m) names of
-                kinds, see `barriers.scenes.scenes_of_arrays`.
-            numbers: (m, w) or (N, m, w) of the kinds.
-            ranks: (m,) or (N, m), 1 is the highest and strict.
-            velocities: (2,), (m, 2) or (N, m, 2) of the shapes' frames [m/s].
+            barriers: a sequence of barriers for all plants, or N such sequences. `Shapes` in a
+                sequence for all may hold arrays of each plant.
 
         Raises:
-            UnknownNameError: if there is no such kind; the message lists the choices.
             InvalidInputError: if they are no scenes, or a speed limit cannot be satisfied.
         """
-        self._barriers = None
-        if (numbers is None) != (ranks is None):
-            raise InvalidInputError(
-                "set_scene: one of numbers and ranks is missing, expected both or none"
-            )
-        if numbers is None or ranks is None:
-            scenes = scenes_of(barriers, self._count)
-        else:
-            given = numpy_of("numbers", numbers), numpy_of("ranks", ranks)
-            moving = numpy_of("velocities", velocities)
-            scenes = scenes_of_arrays(barriers, *given, moving, self._count)
+        self._scenes = self._barriers = None
+        if is_list(barriers):
+            barriers = tuple(tuple(one) if is_list(one) else one for one in barriers)
+        scenes = self._core.read_scenes(barriers)
         self._core.check_limits(scenes)
-        self._barriers = scenes
+        self._scenes, self._barriers = scenes, barriers
 
     def reset(self, mask: object = None, x: object = None, goal: object = None) -> Info:
         """Begin new episodes, and return the report of their first states.

@@ -5,11 +5,11 @@ step stands here and in what this file calls.
 """
 
 import math
-import operator
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,10 @@ from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.scenes import scenes_of
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import (
     UNREADABLE,
@@ -45,6 +45,7 @@ from hcbf_gym.filtering.nearness import Nearness
 from hcbf_gym.filtering.plants import COMPARED, NEWS
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
+from hcbf_gym.filtering.scene import SceneReader
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import SEEN_FOR
@@ -58,6 +59,7 @@ class FilterCore(Configured, ABC):
 
     Attributes:
         covering: whether the promise was tested.
+        read_scenes: barriers → the set of their scenes.
 
     Args: as `Configured` takes them.
     """
@@ -93,7 +95,7 @@ class FilterCore(Configured, ABC):
         self._refusal: Exception | None = None
         self._unread: Exception | None = None  # why barriers are none
         self._kinks = Kinks()
-        self._listed: tuple[object, ...] | None = None  # what the scene was read from, if lists
+        self.read_scenes = SceneReader(self.count)
         self._scans: list[tuple[int, int, SeenRegion]] = []  # of the scene, that may have moved
         self._first: dict[tuple[int, SeenRegion], float] = {}  # when one without a stamp came [s]
         self.began = 0.0  # when the plant's time was 0, on the clock of its scans [s]
@@ -368,14 +370,11 @@ class FilterCore(Configured, ABC):
         What is no barriers, or cannot be satisfied, is taken for none: the plants are not believed.
         Where barriers move, and neither the estimate nor the period tells the time, nor are they.
         """
-        samples, given = self._samples, self._given
+        samples = self._samples
         was_far = samples.origin.is_far
         samples.take(estimate, None if estimate.time is not None else self._time(estimate))
         self._rebased = samples.origin.is_far != was_far
-        listed = barriers is given or (not samples.origin.is_far and _same(barriers, self._listed))
-        differs = not listed or given.edits != self._edits or given.may_change
-        if differs or self._placing.is_due or self._placing.is_edited(given):
-            self._take_barriers(barriers, since)
+        self._take_barriers(barriers, since)
         if self._scans or self._first:
             wrong = self._age_scans()
             if wrong:
@@ -409,24 +408,19 @@ class FilterCore(Configured, ABC):
             given = self._read_barriers(barriers)
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self._unread = error
-            self._listed, self._refused, self._refusal = None, True, None
+            self._refused, self._refusal = True, None
             self._version, self._edits = np.full(self.count, -1), -1
         else:
             self._note_news(given, since)
 
     def _note_news(self, given: BarrierSet, since: float | None = None) -> None:
-        """Take barriers for the present ones; what is news in them is looked at."""
-        in_place, placing = given is self._given, self._placing
-        if not in_place:
-            news = self._differs(given)
-        elif placing.is_edited(given):
-            news = (given.version != self._version) | placing.edited(given).any(axis=1)
-        elif given.edits == self._edits and not placing.is_due:
+        """Take barriers for the present ones; where they have changed they are looked at."""
+        in_place = given is self._given
+        if in_place and given.edits == self._edits and not self._placing.is_due:
             return
-        else:
-            news = given.version != self._version
+        news = given.version != self._version if in_place else self._differs(given)
         plants, before = self._samples.plants, self._scene
-        scene = placing.place(given, self._now(), since)
+        scene = self._placing.place(given, self._now(), since)
         if scene is before and given.edits == self._edits:
             return
         if since is not None and scene.parameters.shape == before.parameters.shape:
@@ -460,11 +454,10 @@ class FilterCore(Configured, ABC):
         """Return (N,) whose barriers are other objects than those of the present scenes."""
         if self._refused:
             return np.ones(self.count, dtype=np.bool_)
-        pairs: Any = zip(given.listed, self._given.listed, strict=True)
-        same = np.array([_same(*pair) for pair in pairs])
-        known = [len(listed) > 0 for listed in given.listed]  # those of arrays are not
-        empty = (given.priority == 0).all(axis=1) & (self._given.priority == 0).all(axis=1)
-        return ~(same & (known | empty))
+        return np.array([
+            one is not other and (len(one) != len(other) or not all(map(is_, one, other)))
+            for one, other in zip(given.listed, self._given.listed, strict=True)
+        ])  # fmt: skip
 
     def _now(self) -> Array:
         """Return (N,) the times of the states [s]; those believed last where they are none."""
@@ -506,7 +499,7 @@ class FilterCore(Configured, ABC):
         return bool(scene.moves.any())
 
     def _read_barriers(self, barriers: Any) -> BarrierSet:
-        """Return barriers as a set; the present one where they are the list that was read last.
+        """Return barriers as a set; the present one where they hold what was read last.
 
         Raises:
             InvalidInputError: if they are none.
@@ -518,24 +511,7 @@ class FilterCore(Configured, ABC):
                 self._said_far = True
                 warn_caller(f"safety filter: far from the origin: {error}", SafetyWarning)
             raise
-        if _same(barriers, self._listed) and self._given.is_as_read():
-            return self._given
-        if isinstance(barriers, BarrierSet):
-            barriers.read_again()
-        scene = self._scenes_of(barriers)
-        self._listed = None
-        if not isinstance(barriers, BarrierSet):
-            self._listed = tuple(tuple(b) if isinstance(b, Sequence) else b for b in barriers)
-        return scene
-
-    def _scenes_of(self, barriers: object) -> BarrierSet:
-        """Return barriers as a set of N scenes.
-
-        Raises:
-            InvalidInputError: if they are none.
-        """
-        listed = self._listed is not None  # and so the set was made here
-        return scenes_of(barriers, self.count, self._given if listed else None)
+        return self.read_scenes(barriers)
 
     def _read_static(self) -> None:
         """Take barriers that never change, and refuse what cannot be.
@@ -579,7 +555,8 @@ class FilterCore(Configured, ABC):
         """
         axle = self.plant.axle
         turn = 0.0 if axle is None else axle.turn
-        scenes.check((self.plant.period, self._gain), self.plant.uncertainty.speed, turn)
+        hold = self.plant.period, self._gain
+        check_limits(scenes, hold, self.plant.uncertainty.speed, turn)
 
     @cached_property
     def _gain(self) -> float:
@@ -591,12 +568,3 @@ class FilterCore(Configured, ABC):
             return self.input_set.radius
         gain = np.linalg.norm(model.g(np.zeros(model.n))[at : at + 2], 2)
         return float(gain) * self.input_set.radius
-
-
-def _same(barriers: Any, listed: Sequence[Any] | None) -> bool:
-    """Return whether a list holds the very entries that were read last."""
-    if listed is None or type(barriers) not in (list, tuple) or len(barriers) != len(listed):
-        return False
-    return all(map(operator.is_, barriers, listed)) or (
-        all(type(one) is tuple for one in listed) and all(map(_same, barriers, listed))
-    )

@@ -89,24 +89,23 @@ class ModelCore(FilterCore):
             self.count,
         )
 
-    def _scenes_of(self, barriers: Any) -> BarrierSet:
-        """Return barriers as a set of N scenes.
+    def _read_barriers(self, barriers: Any) -> BarrierSet:
+        """Return barriers as a set; see `FilterCore`.
 
         Raises:
-            InvalidInputError: if they are none.
+            InvalidInputError: if they are none, or arrays, which have rows of the planar double
+                integrator alone.
         """
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
-                f"plant: got a BarrierSet with {self.plant.model}, expected a sequence of "
-                "barriers: a set makes rows of the planar double integrator alone"
+                f"plant: got the scenes of an environment with {self.plant.model}, expected a "
+                "sequence of barriers: they have rows of the planar double integrator alone"
             )
-        nested = not self._alone and isinstance(barriers, list | tuple)
-        if nested and all(isinstance(one, list | tuple) for one in barriers):
-            for one in barriers:
-                check_barriers(one)
-        else:
-            check_barriers(barriers)
-        return super()._scenes_of(barriers)
+        given = super()._read_barriers(barriers)
+        if given is not self._given:
+            for listed in given.listed:
+                check_barriers(listed)
+        return given
 
     def _moves(self, scene: BarrierSet) -> bool:
         """Return whether a scene depends on time."""

@@ -22,9 +22,8 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.barriers.many import Shapes
-from hcbf_gym.barriers.placing import Listed
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.many import Flat
+from hcbf_gym.barriers.set import BarrierSet, places_of
 from hcbf_gym.errors import UNREADABLE
 
 SMOOTHS = 0.1
@@ -135,7 +134,7 @@ def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news
     return found
 
 
-def _named(before: Listed, now: Listed, m: int) -> Integers:
+def _named(before: Flat, now: Flat, m: int) -> Integers:
     """Return (m,) the places before of the conditions of a scene, by their names; −1 for none."""
     names, others, found = _names(before), _names(now), np.full(m, -1)
     if names == others and len(set(names)) == len(names):
@@ -148,15 +147,9 @@ def _named(before: Listed, now: Listed, m: int) -> Integers:
     return found
 
 
-def _names(listed: Listed) -> list[str]:
-    """Return the names of the conditions of a scene; none of one that was set from arrays."""
-    names: list[str] = []
-    for one in listed:
-        if isinstance(one, Shapes):
-            names += [one.name] * len(one)
-        else:
-            names.append(one.name)
-    return names
+def _names(listed: Flat) -> list[str]:
+    """Return the names of the conditions of a scene."""
+    return [one.name for one, k, end in places_of(listed) for _ in range(k, end)]
 
 
 def _write_own(

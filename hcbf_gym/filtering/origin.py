@@ -1,13 +1,13 @@
 """Positions count from near a plant's start where that is far away, as survey coordinates are."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, PlanarBarrier, Shape, Shapes
-from hcbf_gym.barriers.set import BarrierSet, each
+from hcbf_gym.barriers.many import each, is_list
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.constants import ON_EARTH
@@ -82,18 +82,18 @@ class Origin:
             return listed
         if isinstance(listed, BarrierSet):
             raise InvalidInputError(
-                "got a BarrierSet, which stays where it is; expected lists of barriers, or "
-                "positions that count from nearby"
+                "got the scenes of an environment, which stay where they are; expected lists of "
+                "barriers, or positions that count from nearby"
             )
-        if not isinstance(listed, Sequence) or isinstance(listed, str):
+        if not is_list(listed):
             return listed
         before, self._near = self._near, {}
-        if any(isinstance(one, list | tuple) for one in listed):
+        if any(map(is_list, listed)):
             return tuple(self._moved(one, before) for one in listed)
         return self._moved(listed, before)
 
     def _moved(self, listed: Any, before: dict[int, Any]) -> tuple[Any, ...]:
-        entries = tuple(each(listed))
+        entries = each(listed)
         for one in entries:
             if id(one) not in self._near:
                 self._near[id(one)] = before.get(id(one)) or (one, _moved(one, -self.at))

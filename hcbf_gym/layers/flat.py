@@ -9,8 +9,10 @@ from hcbf_gym import _core, programs
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.barriers.limits import check_limits
+from hcbf_gym.barriers.many import Element
 from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet, Entry
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filtering.settings import input_limits
 from hcbf_gym.models.input_sets import InputSet
@@ -55,7 +57,7 @@ class FlatFilter:
 
     def __init__(
         self,
-        barriers: Sequence[Entry],
+        barriers: Sequence[Element],
         input_set: InputSet | None = None,
         program: programs.Named = "lex-cbf-qp",
         alpha1: ClassK | None = None,
@@ -78,7 +80,7 @@ class FlatFilter:
             made.input_set.radius,
             input_limits(made.input_set),
         )
-        scene.check((period, made.input_set.radius))
+        check_limits(scene, (period, made.input_set.radius))
         self.blocks = scene.parameters[0]
         core = _core.PlanarProgram(*made.settings_of(1))
         self._fixed = core, kind, scene.priority[0], settings.packed

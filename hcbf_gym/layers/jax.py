@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym.barriers.set import Entry
+from hcbf_gym.barriers.many import Element
 from hcbf_gym.layers.flat import Filtered, FlatFilter
 from hcbf_gym.models.autodiff import import_jax
 
 
-def safety_filter(barriers: Sequence[Entry], **settings: Any) -> Callable[..., Filtered]:
+def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[..., Filtered]:
     """Return u as a differentiable function of u*, the state, the barriers' numbers and margins.
 
     The function is ``filter(u_nominal, x, blocks=None, margin=None, t=0.0)``, with arrays and

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from hcbf_gym.barriers.set import Entry
+from hcbf_gym.barriers.many import Element
 from hcbf_gym.errors import MissingDependencyError, install, instance
 from hcbf_gym.layers.flat import Filtered, FlatFilter
 
@@ -37,7 +37,7 @@ class SafetyLayer(torch.nn.Module):
 
     blocks: torch.Tensor
 
-    def __init__(self, barriers: Sequence[Entry], **settings: Any) -> None:
+    def __init__(self, barriers: Sequence[Element], **settings: Any) -> None:
         super().__init__()
         self._flat = FlatFilter(barriers, **settings)
         self.register_buffer("blocks", torch.from_numpy(self._flat.blocks.copy()))

@@ -205,9 +205,9 @@ class Plant:
 
     Args:
         model: ẋ = f(x) + g(x)u.
-        barriers: the ranked conditions: a sequence, a `BarrierSet`, or a reader that returns one
-            of them at every step, for obstacles that move or are sensed. A shape counts from the
-            time at which its object was first returned since the reset.
+        barriers: the ranked conditions: a sequence, or a reader that returns one at every step, for
+            obstacles that move or are sensed; of N plants one sequence for all, or N. A shape
+            counts from the time at which its object was first returned since the reset.
         state: a reader that returns x (n,), or an `Estimate`.
         input_set: U; None means the environment's action space, which must then be a bounded Box.
         to_action: u (n_u,) → the environment's action; None where they are the same.

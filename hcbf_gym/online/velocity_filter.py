@@ -13,7 +13,8 @@ from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers import SpeedLimit, braking
 from hcbf_gym.barriers.class_k import LogClassK
-from hcbf_gym.barriers.set import BarrierSet, Condition, Entry
+from hcbf_gym.barriers.many import Element, is_list
+from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
@@ -141,7 +142,7 @@ class VelocityFilter:
     def __init__(
         self,
         robot: "str | Path | Walker | Robot",
-        barriers: Sequence[Entry],
+        barriers: Sequence[Element],
         program: str = "lex-cbf-qp",
         period: float = 0.05,
         goal: ArrayLike | None = None,
@@ -208,11 +209,11 @@ class VelocityFilter:
         return self._barriers
 
     @barriers.setter
-    def barriers(self, barriers: Sequence[Entry]) -> None:
+    def barriers(self, barriers: Sequence[Element]) -> None:
         self.set_barriers(barriers)
 
     def set_barriers(
-        self, barriers: Sequence[Entry], seen_at: float | None = None, *, look: bool = True
+        self, barriers: Sequence[Element], seen_at: float | None = None, *, look: bool = True
     ) -> None:
         """Take other barriers, such as what a tracker saw at its stamp.
 
@@ -236,7 +237,7 @@ class VelocityFilter:
         self._core.follow_maps(look)
         self._warn_of_sight(listed)
 
-    def check(self, barriers: Sequence[Entry]) -> None:
+    def check(self, barriers: Sequence[Element]) -> None:
         """Refuse barriers that a step would only brake for, before they are handed over.
 
         Args:
@@ -574,13 +575,13 @@ class VelocityFilter:
         except InvalidInputError:
             return self.barriers
 
-    def _listed(self, barriers: object) -> tuple[Entry, ...]:
+    def _listed(self, barriers: object) -> tuple[Element, ...]:
         """Return barriers with the speed limit.
 
         Raises:
             InvalidInputError: if they are no sequence.
         """
-        if not isinstance(barriers, Sequence) or isinstance(barriers, str):
+        if not is_list(barriers):
             raise InvalidInputError(
                 f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
             )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.barriers.set import each
+from hcbf_gym.barriers.many import each
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, shown
 from hcbf_gym.filtering.belief import real_numbers
 from hcbf_gym.maps.nav2 import Raster

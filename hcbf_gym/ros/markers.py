@@ -10,8 +10,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from hcbf_gym.arrays import Array
+from hcbf_gym.barriers.many import each
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.set import each
 from hcbf_gym.barriers.shape import Oval, Shape
 from hcbf_gym.ros.core import NodeCore
 from hcbf_gym.ros.decisions import Decision

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc
-from hcbf_gym.barriers.many import Several
-from hcbf_gym.barriers.set import each
+from hcbf_gym.barriers.many import Several, each
 from hcbf_gym.barriers.shape import Shape
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, nav2, points_of, reading

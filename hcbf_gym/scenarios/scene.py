@@ -63,10 +63,8 @@ def write(scene: Scene, i: int, into: BarrierSet) -> None:
             kind[k] = _core.ellipse_write(c, tuple(velocity), at, semi_axes, row[ANGLE])
         else:
             kind[k] = _core.convex_polygon_write(c, tuple(velocity), corners(row))
-    if not np.array_equal(into.priority[i, :m], scene.ranks):
-        into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
-        into.version[i] += 1
-        into.edits += 1
+    into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
+    into.changed(i)
 
 
 def barrier(name: str, rank: int, row: Array, velocity: Any) -> Barrier:

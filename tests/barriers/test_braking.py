@@ -7,6 +7,8 @@ import pytest
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, SpeedLimit, braking
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
+from hcbf_gym.barriers.limits import check_limits
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
@@ -44,11 +46,13 @@ def test_no_held_row_of_a_region_asks_for_more_than_that_where_psi_is_not_negati
     x = np.zeros((n, 4))
     x[:, 0] = 3.0 * rng.random(n) ** 2
     x[:, 2] = -rng.random(n) * settings.alpha1.values(x[:, 0])  # ψ ≥ 0
-    rows = scenes.rows(x, np.zeros(n), settings)
+    rows = planar_rows(scenes, x, np.zeros(n), settings)
     assert (rows.b <= braking.requested(settings) + 1e-9).all()
     on_edge = x.copy()
     on_edge[:, 2] = -settings.alpha1.values(x[:, 0])  # ψ = 0: the bound is not idle
-    assert scenes.rows(on_edge, np.zeros(n), settings).b.max() > 0.97 * braking.requested(settings)
+    assert planar_rows(scenes, on_edge, np.zeros(n), settings).b.max() > 0.97 * braking.requested(
+        settings
+    )
 
 
 @pytest.mark.parametrize(
@@ -114,8 +118,8 @@ def test_no_scene_of_this_package_asks_for_too_much(name):
 def test_a_margin_that_leaves_nothing_of_a_speed_limit_is_refused():
     scenes = BarrierSet([[POND, SpeedLimit("cap", 1, 0.36)]])
     with pytest.raises(InvalidInputError, match=r"got 0\.36 m/s, expected above 0\.36"):
-        scenes.check((None, 7.0), 0.18)
-    scenes.check((None, 7.0), 0.17)
+        check_limits(scenes, (None, 7.0), 0.18)
+    check_limits(scenes, (None, 7.0), 0.17)
 
 
 def weak_scene(limit):

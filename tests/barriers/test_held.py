@@ -22,6 +22,8 @@ from hcbf_gym.barriers import (
     SpeedLimit,
     rows,
 )
+from hcbf_gym.barriers.limits import check_limits
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError
 
 U_MAX = 5.0 * np.sqrt(2.0)
@@ -89,7 +91,7 @@ def least_and_after(barriers, x, t, u, how):
 
 
 def psi(barriers, x, t, how, margin=0.0, rate=0.0):
-    rows = barriers.rows(x, t, how, np.full(barriers.kind.shape, margin), rate)
+    rows = planar_rows(barriers, x, t, how, np.full(barriers.kind.shape, margin), rate)
     return rows.alpha2_psi[:, 0] / how.alpha2.gain
 
 
@@ -104,7 +106,7 @@ def test_an_input_that_meets_the_row_keeps_psi_and_h_until_the_next_sample(
     n, how = 100, RowSettings(alpha1, LinearClassK(2.0), period, U_MAX)
     barriers = BarrierSet([(shape(kind, rng),)] * n)
     x, t = states_near(barriers, rng, n), np.zeros(n)
-    start, rows = psi(barriers, x, t, how), barriers.rows(x, t, how)
+    start, rows = psi(barriers, x, t, how), planar_rows(barriers, x, t, how)
     rounding = max(0.0, 0.5 * U_MAX * period**2)  # kept in addition around corners, at most
     looked_at = 0
     for u, exists in inputs_on_the_row(rows.a[:, 0], rows.b[:, 0], rng):
@@ -125,7 +127,7 @@ def test_a_margin_that_grows_is_kept_with_its_rate(kind, seed):
     barriers = BarrierSet([(shape(kind, rng),)] * n)
     x, t = states_near(barriers, rng, n), np.zeros(n)
     margin, rate = rng.uniform(0.0, 0.1), rng.uniform(-0.3, 0.3)
-    rows = barriers.rows(x, t, how, np.full((n, 1), margin), rate)
+    rows = planar_rows(barriers, x, t, how, np.full((n, 1), margin), rate)
     start = psi(barriers, x, t, how, margin, rate)
     looked_at = 0
     for u, exists in inputs_on_the_row(rows.a[:, 0], rows.b[:, 0], rng):
@@ -145,14 +147,14 @@ def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_
     rng = np.random.default_rng(seed)
     n, how = 200, RowSettings(period=0.02, u_max=U_MAX)
     barriers = BarrierSet([(SpeedLimit("cap", 1, v_max, margin),)] * n)
-    barriers.check((0.02, U_MAX))
+    check_limits(barriers, (0.02, U_MAX))
     heading, fill = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(0.0, 1.0, n) ** 0.2
     fill[0] = 0.1  # one is slow, whatever is drawn
     highest = np.sqrt(v_max**2 - 2.0 * v_max * margin)
     speed = fill * highest
     velocity = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     x, t = np.column_stack([np.zeros((n, 2)), velocity]), np.zeros(n)
-    rows = barriers.rows(x, t, how)
+    rows = planar_rows(barriers, x, t, how)
     looked_at = 0
     for u, exists in inputs_on_the_row(rows.a[:, 0], rows.b[:, 0], rng):
         least, _, _ = least_and_after(barriers, x, t, u, how)
@@ -177,8 +179,8 @@ def test_the_compiled_rows_equal_the_readable_ones(seed, period):
     x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
     margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
     quickening = rng.uniform(0.0, 0.3, len(scene))
-    compiled = BarrierSet([scene]).rows(
-        x[None], np.array([t]), how, margin[None], rate[None], quickening
+    compiled = planar_rows(
+        BarrierSet([scene]), x[None], np.array([t]), how, margin[None], rate[None], quickening
     )
     for k, barrier in enumerate(scene):
         made = readable.held_row if how.held else readable.usual_row
@@ -194,9 +196,12 @@ def test_the_row_tends_to_the_usual_one_as_the_hold_becomes_short(kind):
     rng = np.random.default_rng(3)
     barriers = BarrierSet([(shape(kind, rng, moving=False), SpeedLimit("cap", 1, 1.2))])
     x, t = np.array([[2.0, 1.7, -0.7, 0.4]]), np.zeros(1)
-    usual = barriers.rows(x, t, RowSettings()).b
+    usual = planar_rows(barriers, x, t, RowSettings()).b
     periods = (1e-2, 1e-3, 1e-4)
-    gaps = [abs(barriers.rows(x, t, RowSettings(period=p, u_max=U_MAX)).b - usual) for p in periods]
+    gaps = [
+        abs(planar_rows(barriers, x, t, RowSettings(period=p, u_max=U_MAX)).b - usual)
+        for p in periods
+    ]
     assert (gaps[1] <= 0.2 * gaps[0] + 1e-9).all()
     assert (gaps[2] <= 0.2 * gaps[1] + 1e-9).all()
 
@@ -208,7 +213,7 @@ def test_braking_meets_every_row_of_a_standing_region(kind):
     barriers = BarrierSet([(shape(kind, rng, moving=False),) for _ in range(n)])
     x, t = states_near(barriers, rng, n), np.zeros(n)
     x[:, 2:] *= np.minimum(1.0, 1.0 / np.linalg.norm(x[:, 2:], axis=1))[:, None]
-    rows = barriers.rows(x, t, how)
+    rows = planar_rows(barriers, x, t, how)
     safe = (psi(barriers, x, t, how) >= 0.0) & (rows.h[:, 0] >= 0.0015)
     assert safe.sum() > 300
     out = rows.a[:, 0] / np.sum(rows.a[:, 0] ** 2, axis=1)[:, None]
@@ -223,7 +228,7 @@ def test_braking_meets_every_row_of_a_standing_region(kind):
         lambda: RowSettings(alpha1=LinearClassK(30.0), period=0.05, u_max=1.0),
         lambda: RowSettings(period=0.02),
         lambda: RowSettings(period=-0.02, u_max=1.0),
-        lambda: BarrierSet([[SpeedLimit("cap", 1, 0.1)]]).check((0.02, 7.0)),
+        lambda: check_limits(BarrierSet([[SpeedLimit("cap", 1, 0.1)]]), (0.02, 7.0)),
     ],
 )
 def test_settings_under_which_no_row_can_hold_are_refused(make):

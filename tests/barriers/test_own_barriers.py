@@ -21,6 +21,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.barriers.many import Several
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.models.vehicles import Unicycle
 from hcbf_gym.scenarios import Scenario
@@ -90,13 +91,13 @@ def test_its_rows_stand_beside_those_of_built_in_barriers(own, how):
     if how.held and not isinstance(own, Convex):  # without a core the usual row is all there is
         dip = 0.5 * how.u_max * how.period**2
         kept = np.full(same.kind.shape, dip)  # a margin that is one number is for strict rows
-        expected = same.rows(x, t, replace(how, period=None), kept).b[:, 1]
+        expected = planar_rows(same, x, t, replace(how, period=None), kept).b[:, 1]
     else:
-        expected = same.rows(x, t, how, 0.01).b[:, 1]
-    rows = mixed.rows(x, t, how, 0.01)
+        expected = planar_rows(same, x, t, how, 0.01).b[:, 1]
+    rows = planar_rows(mixed, x, t, how, 0.01)
     np.testing.assert_allclose(rows.b[:, 1], expected, atol=1e-9)
-    np.testing.assert_allclose(rows.b[:, [0, 2]], same.rows(x, t, how, 0.01).b[:, [0, 2]])
-    np.testing.assert_allclose(rows.a, same.rows(x, t, how).a, atol=1e-12)
+    np.testing.assert_allclose(rows.b[:, [0, 2]], planar_rows(same, x, t, how, 0.01).b[:, [0, 2]])
+    np.testing.assert_allclose(rows.a, planar_rows(same, x, t, how).a, atol=1e-12)
     np.testing.assert_allclose(mixed.values(x, t), same.values(x, t), atol=1e-12)
     np.testing.assert_allclose(mixed.along(x, t), same.along(x, t), atol=1e-12)
     for got, wanted in zip(mixed.sense(x, t), same.sense(x, t), strict=True):
@@ -105,7 +106,7 @@ def test_its_rows_stand_beside_those_of_built_in_barriers(own, how):
 
 def test_a_barrier_of_relative_degree_one_gets_its_row():
     x, t = states(5)
-    rows = BarrierSet([(EnergyLimit("energy", 1),)] * 5).rows(x, t, USUAL)
+    rows = planar_rows(BarrierSet([(EnergyLimit("energy", 1),)] * 5), x, t, USUAL)
     np.testing.assert_allclose(rows.a[:, 0], -x[:, 2:])
     np.testing.assert_allclose(rows.b[:, 0], -2.0 * (0.5 - 0.5 * np.sum(x[:, 2:] ** 2, axis=1)))
 

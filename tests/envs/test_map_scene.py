@@ -6,8 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import Plant, scenarios, wrappers
+from hcbf_gym import Plant, _core, scenarios, wrappers
 from hcbf_gym.barriers import SpeedLimit
+from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
@@ -192,7 +193,7 @@ def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
     zone = MapClass("zone", 1, "speed", cells(4), limit=0.05)
     scenes = BarrierSet([[room(0, zone=zone)]])
     with pytest.raises(InvalidInputError, match="speed zone"):
-        scenes.check((0.02, 7.1))
+        check_limits(scenes, (0.02, 7.1))
 
 
 def test_a_zone_that_comes_up_with_such_a_limit_is_not_believed():
@@ -220,6 +221,14 @@ def test_a_copied_scene_knows_its_own_pieces(copied):
     assert (scenes.parameters == begins).all()
 
 
+def nearby(scenes, settings, uncertainty, x):
+    """Return the blocks of scene 0 at a state, maps replaced by their nearby pieces."""
+    scene = scenes.kind[0], scenes.parameters[0], scenes.priority[0], scenes.own_margin[0]
+    known = x, x, np.zeros(4), np.zeros((4, 4)), 0.0
+    numbers = np.array(uncertainty, dtype=float), settings.packed, 7.1
+    return _core.map_nearby(*numbers, *scene, scenes.atlas.numbers, *known)[1]
+
+
 def test_what_lies_beyond_the_horizon_allows_every_input_for_a_period():
     ranked = room(1)
     settings = RowSettings(period=0.02, u_max=7.1)
@@ -229,17 +238,13 @@ def test_what_lies_beyond_the_horizon_allows_every_input_for_a_period():
     for point in points:
         velocity = rng.normal(size=2)
         x = np.array([*point, *velocity])
-        nothing = np.zeros((4, 4))
-        hand, _ = whole.nearby(settings, Uncertainty(body=BODY), 7.1, x, x, np.zeros(4), nothing)
-        taken = {tuple(block.round(12)) for block in hand.parameters[0]}
+        hand = nearby(whole, settings, Uncertainty(body=BODY), x)
+        taken = {tuple(block.round(12)) for block in hand}
         for angle in np.linspace(0.0, 2.0 * np.pi, 9):
             u = 7.1 * np.array([np.cos(angle), np.sin(angle)])
             later = np.array([*(point + 0.02 * velocity + 0.0002 * u), *(velocity + 0.02 * u)])
-            everything = np.zeros((4, 4))
-            all_of_it, _ = whole.nearby(
-                settings, Uncertainty(distance=50.0), 7.1, x, x, np.zeros(4), everything
-            )
-            rest = [b for b in all_of_it.parameters[0] if tuple(b.round(12)) not in taken]
+            all_of_it = nearby(whole, settings, Uncertainty(distance=50.0), x)
+            rest = [b for b in all_of_it if tuple(b.round(12)) not in taken]
             if not rest:
                 continue
             kind = np.full((1, len(rest)), 3)

@@ -9,19 +9,18 @@ from needs import needs
 from unequal import Bowl
 
 import hcbf_gym
-from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
+from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, Shapes, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
 
 PERIOD, U = 0.02, Box.symmetric(5.0)
-KINDS = ["disc", "disc", "half-plane", "speed-limit"]
 RANKS = [1, 2, 3, 1]
 
 
 def drawn(seed, count):
-    """States (N, 4) and the numbers (N, 4, 3) of a scene of each, of `KINDS`."""
+    """States (N, 4) and the numbers (N, 4, 3) of a scene of each, see `arrays`."""
     rng = np.random.default_rng(seed)
     x = np.concatenate([rng.uniform(-4, 4, (count, 2)), rng.uniform(-1, 1, (count, 2))], axis=1)
     numbers = np.zeros((count, 4, 3))
@@ -30,7 +29,7 @@ def drawn(seed, count):
     angle = rng.uniform(0.0, 2.0 * np.pi, count)
     numbers[:, 2, 0], numbers[:, 2, 1] = np.cos(angle), np.sin(angle)
     numbers[:, 2, 2] = -rng.uniform(0.0, 5.0, count)
-    numbers[:, 3, 0] = rng.uniform(1.5, 2.5, count)
+    numbers[:, 3, 0] = rng.uniform(1.5, 2.5)
     return x, numbers
 
 
@@ -44,6 +43,16 @@ def listed(numbers):
             SpeedLimit("cap", 1, one[3, 0]),
         ]
         for one in numbers
+    ]
+
+
+def arrays(numbers):
+    """The scenes of `drawn` as one sequence for all, with arrays of each plant."""
+    return [
+        Shapes("a", 1, "disc", numbers[:, :1]),
+        Shapes("b", 2, "disc", numbers[:, 1:2]),
+        Shapes("wall", 3, "half-plane", numbers[:, 2:3]),
+        SpeedLimit("cap", 1, numbers[0, 3, 0]),
     ]
 
 
@@ -69,7 +78,7 @@ def test_a_batch_is_as_many_single_filters(program, threads):
     x, numbers = drawn(0, count)
     scenes = listed(numbers)
     batch = hcbf_gym.BatchFilter(U, PERIOD, count, program, threads=threads)
-    batch.set_scene(KINDS, numbers, RANKS)
+    batch.set_scene(arrays(numbers))
     singles = [hcbf_gym.BatchFilter(U, PERIOD, None, program) for _ in range(count)]
     begun = batch.reset(x=x)
     for i, one in enumerate(singles):
@@ -89,25 +98,17 @@ def test_a_batch_is_as_many_single_filters(program, threads):
     assert len(statuses) >= 3  # neither all idle nor all in conflict
 
 
-def test_scenes_are_the_same_however_they_are_handed_over():
+def test_arrays_of_each_plant_are_the_lists_of_each():
     x, numbers = drawn(2, 40)
-    lists = listed(numbers)
-    ways = {
-        "arrays": (KINDS, numbers, RANKS),
-        "arrays of each": (np.tile(KINDS, (40, 1)), numbers, np.tile(RANKS, (40, 1))),
-        "lists": (lists,),
-        "set": (BarrierSet(lists),),
-    }
-    said = {}
-    for way, scene in ways.items():
+    said = []
+    for scenes in (arrays(numbers), listed(numbers)):
         filt = hcbf_gym.BatchFilter(U, PERIOD, 40)
-        filt.set_scene(*scene)
+        filt.set_scene(scenes)
         filt.reset(x=x)
-        said[way] = filt(np.full((40, 2), 4.0), x)[1]
-    for way in ways:
-        same(said[way], said["lists"])
-    assert [c.rank for c in filt.conditions(3)] == RANKS
-    assert [c.name for c in filt.conditions(3)] == ["a", "b", "wall", "cap"]
+        said.append(filt(np.full((40, 2), 4.0), x)[1])
+        assert [c.rank for c in filt.conditions(3)] == RANKS
+        assert [c.name for c in filt.conditions(3)] == ["a", "b", "wall", "cap"]
+    same(*said)
 
 
 def test_one_list_is_for_all_and_short_lists_are_filled():
@@ -135,7 +136,7 @@ def test_a_bad_state_brakes_alone():
     x[bad, 2:] = 0.4, 0.0
     good, hurt = (hcbf_gym.BatchFilter(U, PERIOD, count) for _ in range(2))
     for filt in (good, hurt):
-        filt.set_scene(KINDS, numbers, RANKS)
+        filt.set_scene(arrays(numbers))
         filt.reset(x=x)
     wanted = np.random.default_rng(0).uniform(-5.0, 5.0, (count, 2))
     for filt in (good, hurt):
@@ -208,7 +209,7 @@ def test_a_missing_sample_brakes_and_a_varying_period_is_no_alarm():
 
 def test_what_a_mask_hides_is_no_number_and_brakes_alone():
     filt = hcbf_gym.BatchFilter(U, PERIOD, 3)
-    filt.set_scene(*DISC)
+    filt.set_scene([DISC])
     filt.reset(x=np.zeros((3, 4)))
     hidden = np.ma.masked_array(np.zeros((3, 4)), np.arange(12).reshape(3, 4) == 5)
     with pytest.warns(SafetyWarning, match="not finite"):
@@ -218,7 +219,7 @@ def test_what_a_mask_hides_is_no_number_and_brakes_alone():
 
 def test_a_sample_that_is_old_stays_old_where_another_is_missing():
     filt = hcbf_gym.BatchFilter(U, PERIOD, 3)
-    filt.set_scene(*DISC)
+    filt.set_scene([DISC])
     filt.reset(x=np.zeros((3, 4)))
     old = Estimate(np.zeros((3, 4)), age=np.array([0.0, np.inf, 0.0]))
     with pytest.warns(SafetyWarning, match="older"):
@@ -231,13 +232,13 @@ def test_a_sample_that_is_old_stays_old_where_another_is_missing():
 
 def test_a_reset_that_fails_leaves_no_episode():
     filt = hcbf_gym.BatchFilter(U, PERIOD, 2, guidance="geodesic")
-    filt.set_scene(*DISC)
+    filt.set_scene([DISC])
     x = np.zeros((2, 4))
     filt.reset(x=x, goal=(3.0, 0.0))
     filt.set_scene([Bowl("own", 2)])
     with pytest.raises(InvalidInputError, match="own kind"):
         filt.reset([False, True], x)
-    filt.set_scene(*DISC)
+    filt.set_scene([DISC])
     with pytest.raises(InvalidInputError, match="1 of 2"):
         filt(np.ones((2, 2)), x)
     for bad in ("there", [1.0], np.full(2, np.nan), np.zeros((3, 2))):
@@ -249,7 +250,7 @@ def test_some_begin_anew_while_the_others_go_on():
     x, numbers = drawn(4, 6)
     one, other = (hcbf_gym.BatchFilter(U, PERIOD, 6) for _ in range(2))
     for filt in (one, other):
-        filt.set_scene(KINDS, numbers, RANKS)
+        filt.set_scene(arrays(numbers))
         filt.reset(x=x)
     wanted = np.full((6, 2), 2.0)
     for _ in range(5):
@@ -289,8 +290,8 @@ def test_a_refused_scene_stops_all_until_a_good_one_is_set():
     filt.set_scene(good)
     x = np.zeros((2, 4))
     filt.reset(x=x)
-    with pytest.raises(InvalidInputError, match="finite"):
-        filt.set_scene(["disc"], [[np.nan, 0.0, 1.0]], [1])
+    with pytest.raises(InvalidInputError, match="speed limit"):
+        filt.set_scene([SpeedLimit("cap", 1, 1e-3)])
     with pytest.warns(SafetyWarning, match="barriers"):
         _, report = filt(np.ones((2, 2)), x)
     assert (report["reason"] == Reason.BARRIERS).all()
@@ -299,34 +300,36 @@ def test_a_refused_scene_stops_all_until_a_good_one_is_set():
     assert (report["reason"] == Reason.NONE).all()
 
 
-DISC = (["disc"], [[1.0, 0.0, 0.5]], [1])
+DISC = Disc("disc", 1, (1.0, 0.0), 0.5)
+
+
+def discs(values, velocity=(0.0, 0.0)):
+    return Shapes("a", 1, "disc", values, velocity)
 
 
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
-        (("disc",), "sequence"),
-        ((7,), "sequence"),
-        (([[], [], []],), "2 lists"),
-        (([[1], [2]],), "expected an object of a class derived"),
-        ((*DISC[:2], None), "one of numbers and ranks"),
-        ((["disk"], *DISC[1:]), "'disc'"),
-        ((["disc"], [[1.0, 0.0, -0.5]], [1]), "radius"),
-        ((["disc"], [[1.0, 0.0]], [1]), "shape"),
-        ((["disc"], [1.0, 0.0, 0.5], [1]), "axes"),
-        ((["disc"], np.zeros((3, 1, 3)), [1]), "shape"),
-        ((*DISC[:2], [0]), "ranks"),
-        ((*DISC[:2], [1.5]), "ranks"),
-        ((*DISC[:2], [1, 2]), "ranks"),
-        ((["speed-limit"], [[0.01]], [1]), "speed limit"),
-        ((["speed-limit"], [[0.0]], [1]), "v_max"),
-        ((*DISC, [[np.inf, 0.0]]), "velocities"),
+        (lambda: "disc", "sequence"),
+        (lambda: 7, "sequence"),
+        (lambda: [[], [], []], "2 lists"),
+        (lambda: [[1], [2]], "expected an object of a class derived"),
+        (lambda: BarrierSet([[DISC]] * 2), "the sequence of barriers"),
+        (lambda: [discs([[[1.0, 0.0, 0.5]]] * 3)], "got values of 3 plants, expected 2"),
+        (lambda: [Shapes("a", 1, "disk", [[1.0, 0.0, 0.5]])], "'disc'"),
+        (lambda: [discs([[1.0, 0.0, -0.5]])], "radius"),
+        (lambda: [discs([[1.0, 0.0]])], "shape"),
+        (lambda: [discs([1.0, 0.0, 0.5])], "shape"),
+        (lambda: [Shapes("a", 0, "disc", [[1.0, 0.0, 0.5]])], "priority"),
+        (lambda: [discs([[1.0, 0.0, 0.5]], [[np.inf, 0.0]])], "velocity"),
+        (lambda: [discs([[1.0, 0.0, 0.5]], [[1.0, 0.0]] * 2)], "velocity"),
+        (lambda: [SpeedLimit("cap", 1, 0.01)], "speed limit"),
     ],
 )
 def test_a_bad_scene_is_refused_in_words(scene, message):
     filt = hcbf_gym.BatchFilter(U, PERIOD, 2)
     with pytest.raises((InvalidInputError, UnknownNameError), match=message) as refused:
-        filt.set_scene(*scene)
+        filt.set_scene(scene())
     assert len(str(refused.value)) < 1000
 
 
@@ -348,7 +351,7 @@ def test_bad_arguments_are_refused_in_words():
     x = np.zeros((5000, 4))
     with pytest.raises(InvalidInputError, match="set_scene"):
         filt.reset(x=x)
-    filt.set_scene(*DISC)
+    filt.set_scene([DISC])
     with pytest.raises(InvalidInputError, match="no x"):
         filt.reset()
     with pytest.raises(InvalidInputError, match="mask"):
@@ -368,7 +371,7 @@ def test_bad_arguments_are_refused_in_words():
 def test_a_copy_goes_on_by_itself():
     x, numbers = drawn(6, 200)
     filt = hcbf_gym.BatchFilter(Ball(4.0), PERIOD, 200, threads=2)
-    filt.set_scene(KINDS, numbers, RANKS)
+    filt.set_scene(arrays(numbers))
     filt.reset(x=x)
     wanted = np.full((200, 2), 3.0)
     u, _ = filt(wanted, x)
@@ -389,7 +392,7 @@ def test_torch_goes_in_without_a_copy_and_comes_out(dtype):
     kind = getattr(torch, dtype)
     filt, other = (hcbf_gym.BatchFilter(U, PERIOD, 30) for _ in range(2))
     for each in (filt, other):
-        each.set_scene(KINDS, numbers, RANKS)
+        each.set_scene(arrays(numbers))
     states, wanted = torch.tensor(x, dtype=kind), torch.full((30, 2), 3.0, dtype=kind)
     filt.reset(x=states)
     other.reset(x=states.numpy())
@@ -410,7 +413,7 @@ def test_jax_goes_in_and_comes_out():
 
     x, numbers = drawn(5, 30)
     filt = hcbf_gym.BatchFilter(U, PERIOD, 30)
-    filt.set_scene(KINDS, numbers, RANKS)
+    filt.set_scene(arrays(numbers))
     states = jax.numpy.asarray(x)
     filt.reset(x=states)
     u, report = filt(jax.numpy.full((30, 2), 3.0), states)
@@ -424,7 +427,7 @@ def test_an_estimate_may_take_the_place_of_a_state():
     filt, other = (hcbf_gym.BatchFilter(U, PERIOD, 3) for _ in range(2))
     x = np.zeros((3, 4))
     for each in (filt, other):
-        each.set_scene(*DISC)
+        each.set_scene([DISC])
         each.reset(x=x)
     covariance = np.tile(1e-3 * np.eye(4), (3, 1, 1))
     _, told = filt(np.ones((3, 2)), Estimate(x, covariance=covariance))

@@ -230,9 +230,9 @@ def test_a_wall_that_appears_is_news_for_its_plant_alone():
     assert (report["status"][np.arange(N) != 1] < FilterStatus.VIOLATED).all()
 
 
-def test_a_set_of_scenes_is_refused_in_words():
+def test_the_scenes_of_an_environment_are_refused_in_words():
     with pytest.raises(InvalidInputError, match="planar double integrator"):
-        batch_of(MODELS["drag"], BarrierSet([SHARED] * N))
+        batch_of(MODELS["drag"], BarrierSet([SHARED] * N, is_placed=True))
 
 
 @pytest.mark.filterwarnings("ignore")

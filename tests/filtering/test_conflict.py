@@ -7,6 +7,7 @@ import pytest
 import hcbf_gym
 from hcbf_gym import programs
 from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.input_sets import Box
@@ -24,7 +25,7 @@ SCENE = [
 
 def by_hand(filt, x, report):
     settings = filt._core.row_settings
-    batch = BarrierSet([SCENE]).rows(x[None], np.zeros(1), settings, report["margin"][None])
+    batch = planar_rows(BarrierSet([SCENE]), x[None], np.zeros(1), settings, report["margin"][None])
     rows = CbfRows(batch.a[0], batch.b[0], batch.h[0], batch.priority[0], batch.alpha2_psi[0])
     slack = report["slack"]
     answer = FilterResult(np.zeros(2), slack, slack, FilterStatus.RELAXED, 0)

@@ -205,9 +205,10 @@ def test_a_brake_gets_the_state_as_the_plant_gives_it():
 
 @pytest.mark.filterwarnings("ignore:.*brakes until")
 def test_what_cannot_be_moved_stops_the_robot_with_a_warning():
-    scenes = BarrierSet([[Disc("disc", 1, (UTM[0] + 3.0, UTM[1]), 0.5)]])
+    disc = Disc("disc", 1, (UTM[0] + 3.0, UTM[1]), 0.5)
+    scenes = BarrierSet([[disc]], is_placed=True)
     safe = SafetyFilter(Boat(scenes, static=False))
-    with pytest.warns(SafetyWarning, match="far from the origin: got a BarrierSet"):
+    with pytest.warns(SafetyWarning, match="far from the origin: got the scenes of"):
         safe.reset()
     assert safe.step(np.ones(2))[4]["safety_filter"]["reason"] == Reason.BARRIERS
 

@@ -12,7 +12,6 @@ from needs import needs
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
 from hcbf_gym.barriers import (
-    BarrierSet,
     Capsule,
     ConvexPolygon,
     Disc,
@@ -111,25 +110,14 @@ class Batch:
     def __init__(self, how):
         self.how, self.x = how, np.zeros((3, 4))
         self.door = BatchFilter(Box.symmetric(5.0), T, 3)
-        self.set = None
 
     def _set(self, listed):
         if self.how == "one list":
             self.door.set_scene(listed)
-        elif self.how == "lists":
-            self.door.set_scene([list(listed) for _ in range(3)])
-        elif self.set is None:
-            room = [Disc(f"{k}", 1, ROOM, 1.0) for k in range(40)]
-            self.set = BarrierSet([room] * 3, fills=True)
-            for i in range(3):
-                self.set.set_scene(i, listed)
-            self.door.set_scene(self.set)
         else:
-            for i in range(3):
-                self.set.set_scene(i, listed)
+            self.door.set_scene([list(listed) for _ in range(3)])
 
     def begin(self, listed):
-        self.set = None
         self._set(listed)
         self.door.reset(x=self.x)
         for _ in range(7):
@@ -164,7 +152,7 @@ class Online:
 
 
 WAYS = {f"wrapper, {name}": lambda model=model: Wrapped(model) for name, model in MODELS.items()}
-WAYS |= {f"batch, {how}": lambda how=how: Batch(how) for how in ("one list", "lists", "set")}
+WAYS |= {f"batch, {how}": lambda how=how: Batch(how) for how in ("one list", "lists")}
 WAYS |= {"online": Online}
 
 
@@ -235,21 +223,17 @@ def test_a_reset_puts_all_back_and_a_function_reads_the_plants_clock(way):
             assert report["h"][:2] == pytest.approx([4.5 + 0.3 * t, height + t], abs=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["one list", "arrays", "parameters"])
-def test_arrays_count_from_when_they_were_set_or_written_to(kind):
+@pytest.mark.parametrize("kind", ["one list", "arrays"])
+def test_a_scene_counts_from_when_it_was_set(kind):
     door, x = BatchFilter(Box.symmetric(5.0), T, 2), np.zeros((2, 4))
     w = np.array([0.4, 0.0])
-    ours = BarrierSet([[Disc("a", 1, (5.0, 0.0), 0.5, tuple(w))]] * 2)
 
     def put(at):
         if kind == "one list":
             door.set_scene([Disc("a", 1, (at, 0.0), 0.5, tuple(w))])
-        elif kind == "arrays":
-            door.set_scene(["disc"], [[at, 0.0, 0.5]], [1], w)
         else:
-            ours.parameters[:, 0, 2] = at
+            door.set_scene([Shapes("a", 1, "disc", [[[at, 0.0, 0.5]]] * 2, w)])
 
-    door.set_scene(ours)
     put(5.0)
     door.reset(x=x)
     door.reset(np.array([True, False]), x=x)

@@ -6,6 +6,7 @@ from scipy.ndimage import map_coordinates
 
 from hcbf_gym import _core, guidance, programs, scenarios
 from hcbf_gym.barriers import BarrierSet, CbfRows, ConvexPolygon, Disc, HalfPlane, RowSettings
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import row as guidance_row
@@ -157,7 +158,7 @@ def test_no_safety_row_pays_for_the_guidance_row(seed):
     way = guidance.Geodesic(count)
     way.reset(barriers, np.array([scene.goal for scene in scenes]))
     a, b = way.rows(x, np.zeros(count))
-    rows = barriers.rows(x, np.zeros(count), RowSettings())
+    rows = planar_rows(barriers, x, np.zeros(count), RowSettings())
     guided = CbfRows(
         np.concatenate([rows.a, a[:, None]], axis=1),
         np.concatenate([rows.b, b[:, None]], axis=1),

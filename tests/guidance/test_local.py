@@ -5,6 +5,7 @@ import pytest
 
 from hcbf_gym import guidance, programs
 from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
@@ -23,7 +24,7 @@ def walk(barriers, guided, steps=1000):
     for step in range(steps):
         t = np.array([0.02 * step])
         u_nominal = 2.0 * (GOAL - x[:, :2]) - 3.0 * x[:, 2:]
-        rows = scenes.rows(x, t, RowSettings(), 0.03)
+        rows = planar_rows(scenes, x, t, RowSettings(), 0.03)
         if guided:
             out = np.empty((len(x), 3))
             around.write_rows(x, t, u_nominal, out)

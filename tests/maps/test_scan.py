@@ -241,9 +241,9 @@ def test_a_map_beside_new_scans_stays_where_it_stands():
         np.testing.assert_array_equal(
             made.along(at, np.zeros(20)), BarrierSet([listed]).along(at, np.zeros(20))
         )
-        if last is not None and len(last.entries[0]) == 2:  # the old set still says what it said
+        if last is not None and len(last.listed[0]) == 2:  # the old set still says what it said
             np.testing.assert_array_equal(
-                last.along(at, np.zeros(20)), BarrierSet(last.entries).along(at, np.zeros(20))
+                last.along(at, np.zeros(20)), BarrierSet(last.listed).along(at, np.zeros(20))
             )
         if made.atlas:
             arrays.append(made.atlas.numbers)

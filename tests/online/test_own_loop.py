@@ -18,7 +18,8 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.barriers.barrier import PlanarBarrier
-from hcbf_gym.barriers.set import BarrierSet, each
+from hcbf_gym.barriers.many import each
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.maps import MapClass, RankedMap, Scan
 from hcbf_gym.models.grid import Grid

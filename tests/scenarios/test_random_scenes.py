@@ -9,6 +9,7 @@ from scipy.optimize import linprog
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import BarrierSet, RowSettings
+from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
 from hcbf_gym.scenarios import clutter, hall, random_scenes, rooms, traps
@@ -39,7 +40,7 @@ def ranks(name="random"):
 def rows_at_start(scenario):
     barriers = BarrierSet([barriers_of(scenario, scenario.v_max)])
     x = np.array([[*scenario.start, 0.0, 0.0]])
-    return barriers.rows(x, np.zeros(1), RowSettings(), margin=0.03)
+    return planar_rows(barriers, x, np.zeros(1), RowSettings(), margin=0.03)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,4 +1,4 @@
-"""Random combinations of model, way in, program, shape and fault, judged between samples.
+"""Random combinations of model, input, program, shape and fault, judged between samples.
 
 ``python -m tests.wrappers.combinations 1000`` prints how many steps were said to be what; it fails
 where a strict condition is entered under NOMINAL, SAFE or RELAXED.
@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 sys.path.insert(0, __file__.rpartition("/")[0])
-from test_ways_in import CORES, door, why_not
-from ways import CALM, FAR, WAYS, Scene, T, World, quietly
+from barrier_inputs import CALM, FAR, INPUTS, Scene, T, World, quietly
+from test_barrier_inputs import CORES, filter_of, why_not
 
 from hcbf_gym import models, programs
 from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane
@@ -25,7 +25,7 @@ FAULTS = ("none", "nan", "late", "clock", "push", "news", "far", "news while bli
 
 
 class Shaped(Scene):
-    """A scene of any conditions, which only lists and sets can say.
+    """A scene of any conditions, which only lists hold.
 
     Args:
         conditions: of any shapes.
@@ -67,9 +67,9 @@ def shape(rng, name, rank, away, moves):
             return ConvexPolygon(name, rank, tuple(map(tuple, corners)), velocity)
 
 
-def drawn(rng, around, way, count):
-    """A scene around a place: of any shapes, or where a way can say but one, a wall."""
-    if way not in ("list", "reader", "new set", "set in place"):
+def drawn(rng, around, name, count):
+    """A scene around a place: of any shapes, or where an input can place but one, a wall."""
+    if name not in ("list", "reader"):
         return Scene(wall=round(20.0 * (around[0] + rng.uniform(0.4, 3.0))) / 20.0)
     found = []
     for k in range(count):
@@ -107,18 +107,18 @@ def combination(seed, told):
     """Run one combination; return what was entered under a calm status, "" for nothing."""
     rng = np.random.default_rng([77, seed])
     while True:
-        core, way = rng.choice(CORES), rng.choice(WAYS)
+        core, name = rng.choice(CORES), rng.choice(INPUTS)
         fault, program = rng.choice(FAULTS), rng.choice(programs.names())
         cell = "raises" if fault == "raises" else "nan"
-        if not why_not(way, core, cell) and (way != "change_scene" or fault != "push"):
+        if not why_not(name, core, cell) and (name != "change_scene" or fault != "push"):
             break
     count = int(rng.integers(1, 4))
     world = World(models.DoubleIntegrator(drag=0.1 * (core == "drag")))
-    world.scene = drawn(rng, (0.0, 0.0), way, count)
+    world.scene = drawn(rng, (0.0, 0.0), name, count)
     guidance = "geodesic" if rng.random() < 0.3 and core != "drag" else None
     goal = (FAR - 1.0, 0.0)
     try:
-        filtered = door(way, core, world, guidance=guidance, goal=goal, program=str(program))
+        filtered = filter_of(name, core, world, guidance=guidance, goal=goal, program=str(program))
         quietly(filtered.reset)
     except HcbfError:
         told["refused"] += 1
@@ -145,7 +145,7 @@ def combination(seed, told):
         if k == at and fault == "push":
             world.x[2:] += rng.normal(size=2)
         if k == at + lasts // 2 and fault.startswith("news"):
-            world.scene = drawn(rng, world.x[:2], way, count)
+            world.scene = drawn(rng, world.x[:2], name, count)
         before = world.scene.distance(world.x, T * world.steps)
         report = quietly(filtered.step, u)
         told[FilterStatus(report["status"]).name] += 1
@@ -154,7 +154,7 @@ def combination(seed, told):
         if calm and (world.entered or before < -1e-6):
             deep = world.scene.distance(world.x, T * world.steps)
             entered = (
-                f"{seed}: {core}, {way}, {program}, {fault}, guidance {guidance}: step {k} was "
+                f"{seed}: {core}, {name}, {program}, {fault}, guidance {guidance}: step {k} was "
                 f"{FilterStatus(report['status']).name}, {before:.4f} → {deep:.4f}"
             )
             break

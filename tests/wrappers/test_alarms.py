@@ -161,7 +161,7 @@ def test_after_an_alarm_the_rows_still_hold(reason, solver):
 
 
 def test_scenes_of_another_size_never_reach_compiled_code():
-    sets = [barriers.BarrierSet([(DISC,)] * 2), barriers.BarrierSet([(DISC,)])]
+    sets = [barriers.BarrierSet([(DISC,)] * count, is_placed=True) for count in (2, 1)]
     env = filtered(listed=lambda: sets[0])
     with pytest.warns(UserWarning, match="barriers"):
         env.reset(seed=0)
@@ -169,6 +169,7 @@ def test_scenes_of_another_size_never_reach_compiled_code():
     sets[0] = sets[1]
     assert quietly(env)["reason"] == 0
     sets[0].priority[0, 0] = 1_000_000
+    sets[0].changed(0)
     with pytest.raises(InvalidInputError, match="ranks"):
         env.step(AHEAD)
 

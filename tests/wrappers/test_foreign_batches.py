@@ -7,7 +7,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 import hcbf_gym
 from hcbf_gym import models
-from hcbf_gym.barriers import BarrierSet, Disc, SpeedLimit
+from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.programs import FilterStatus
@@ -42,7 +42,7 @@ class Batch(VectorEnv):
         self.action_space = gym.vector.utils.batch_space(self.single_action_space, N)
         self.single_observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
         self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, N)
-        self.scenes = BarrierSet([scene(i) for i in range(N)])
+        self.scenes = [scene(i) for i in range(N)]
         self.hidden = np.zeros(N, dtype=bool)
 
     def start(self, mask):

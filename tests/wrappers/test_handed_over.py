@@ -79,25 +79,22 @@ def batch(barriers):
     return lambda: filt(np.zeros((2, 2)), np.zeros((2, 4)))[1]["h"][1, -1]
 
 
-WAYS = {
+INPUTS = {
     "a list": lambda one: single([one]),
     "a list, any model": lambda one: single([one], MODELS[1]),
     "a reader": lambda one: single(lambda *_: [one]),
-    "a set": lambda one: single(BarrierSet([[one]])),
     "a list for a batch": lambda one: batch([one]),
     "lists for a batch": lambda one: batch([[one], [one]]),
     "deques for a batch": lambda one: batch([deque([one]), deque([one])]),
     "tuples with names for a batch": lambda one: batch([Pair(one), Pair(one)]),
-    "a set for a batch": lambda one: batch(BarrierSet([[one], [one]])),
-    "a set like another": lambda one: batch(BarrierSet([[one]]).repeated(2)),
 }
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
-@pytest.mark.parametrize("way", WAYS)
-def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(way):
+@pytest.mark.parametrize("given", INPUTS)
+def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(given):
     one = Post()
-    step = WAYS[way](one)
+    step = INPUTS[given](one)
     step()
     far = step()
     one.move(10.0)
@@ -122,10 +119,10 @@ class Broken(Post):
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("error", [ValueError("broken"), OSError("unplugged")])
-@pytest.mark.parametrize("way", WAYS)
-def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(way, error):
+@pytest.mark.parametrize("given", INPUTS)
+def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(given, error):
     one = Broken()
-    step = WAYS[way](one)
+    step = INPUTS[given](one)
     before = step()
     one.error = error
     assert np.isnan(step())  # nothing is believed: no h is told
@@ -134,31 +131,18 @@ def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(way
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
-@pytest.mark.parametrize("way", WAYS)
-def test_what_stands_for_barriers_stands_for_no_other_that_does(way):
+@pytest.mark.parametrize("given", INPUTS)
+def test_what_stands_for_barriers_stands_for_no_other_that_does(given):
     one = Post()
     one.conditions[0] = Post()
-    if way == "a reader":  # which may say better later
+    if given == "a reader":  # which may say better later
         one.conditions[0] = post(30.0)
-        step = WAYS[way](one)
+        step = INPUTS[given](one)
         one.conditions[0] = Post()
         assert np.isnan(step())
         return
     with pytest.raises(InvalidInputError, match=r"Post object.*expected"):
-        WAYS[way](one)()
-
-
-def test_each_scene_knows_what_it_has_read():
-    one, there, here = Post(), post(30.0), post(10.0)
-    scenes = BarrierSet([[one], [one]])
-    for at in (here, there, here, there):
-        one.conditions[0] = at
-        scenes.set_scene(1, [one])
-        scenes.read_again()
-        assert scenes.is_as_read()
-        assert [listed[0] for listed in scenes.listed] == [at, at]
-        scenes.set_scene(0, [there])
-        scenes.set_scene(0, [one])
+        INPUTS[given](one)()
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
@@ -185,19 +169,15 @@ def wall(at):
     )
 
 
-@pytest.mark.parametrize("part", [lambda one: one.repeated(3), lambda one: one.of(FIRST)])
-def test_a_scene_is_set_in_a_part_of_a_set_alone(part):
+def test_a_scene_is_set_in_a_part_of_a_set_alone():
     one = BarrierSet([[wall(2.0)], [wall(2.0)]])
-    some = part(one)
+    some = one.of(np.array([True, False]))
     before = some.values(*HERE(some)), one.values(*HERE(one))
     some.set_scene(0, [wall(5.0)])
     after = some.values(*HERE(some)), one.values(*HERE(one))
     assert after[0][0] != before[0][0]
     np.testing.assert_array_equal(after[0][1:], before[0][1:])
     np.testing.assert_array_equal(after[1], before[1])
-
-
-FIRST = np.array([True, False])
 
 
 def HERE(some):  # noqa: N802

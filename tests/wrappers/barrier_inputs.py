@@ -1,7 +1,7 @@
-"""Every way to hand barriers over, in front of every core: what `test_ways_in` drives.
+"""Barriers as a sequence or from a reader, in front of every core: for `test_barrier_inputs`.
 
-A wall stands across the way of a point, a piece of a class with any name. Each way says where it
-stands in its own terms; each core filters the same point.
+A wall is across the path of a point. Each input places it in its own terms; each core filters the
+same point.
 """
 
 import warnings
@@ -13,7 +13,7 @@ import numpy as np
 
 import hcbf_gym
 from hcbf_gym import maps, models, scenarios, wrappers
-from hcbf_gym.barriers import Barrier, BarrierSet, ConvexPolygon, Disc, Jet, Shapes
+from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Jet, Shapes
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.models.plant import Estimate
@@ -74,38 +74,28 @@ class Scene:
         return min([out, *(disc.h(x, t) for disc in self.others if isinstance(disc, Disc))])
 
 
-WAYS = ("list", "reader", "shapes", "new set", "set in place", "map", "scan", "change_scene")
+INPUTS = "list", "reader", "shapes", "map", "scan", "change_scene"
 
 
-class Ways:
-    """The ways, by name: scene → what a reader returns. Those that set in place remember it."""
+class Input:
+    """Scene → what a reader returns: one list for all that is edited in place, or new lists."""
 
     def __init__(self, name, count=1):
         self.name, self.count = name, count
-        self.latest, self.said = None, None
+        self.latest, self.given = None, None
 
     def __call__(self, scene):
         if self.latest is scene:
-            return self.said
+            return self.given
         parts = {"shapes": scene.shapes, "map": scene.mapped, "scan": scene.scanned}
         listed = parts.get(self.name, scene.listed)()
-        if self.name == "new set" or (self.count > 1 and self.name != "set in place"):
-            self.said = BarrierSet([listed] * self.count)
-        elif self.name == "list" and self.said is not None:
-            self.said[:] = listed
-        elif self.name == "set in place" and self.said is not None and fits(self.said, listed):
-            for i in range(self.count):
-                self.said.set_scene(i, listed)
-        elif self.name == "set in place":
-            self.said = BarrierSet([listed] * self.count)
+        if self.name == "list" and self.given is not None:
+            self.given[:] = listed
         else:
-            self.said = listed
+            nested = self.name == "reader" and self.count > 1
+            self.given = [list(listed) for _ in range(self.count)] if nested else listed
         self.latest = scene
-        return self.said
-
-
-def fits(known, listed):
-    return known.kind.shape[1] == len(listed)
+        return self.given
 
 
 @dataclass
@@ -166,12 +156,12 @@ class Point(gym.Env):
 class Single:
     """`SafetyFilter` around the point."""
 
-    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+    def __init__(self, name, world, guidance=None, goal=None, period=T, **options):
         self.world = world
-        ways = Ways(way)
-        ways(world.scene)
-        given = ways.said if way == "list" else lambda *_: ways(world.scene)
-        self.ways = ways
+        read = Input(name)
+        read(world.scene)
+        given = read.given if name == "list" else lambda *_: read(world.scene)
+        self.input = read
         plant = hcbf_gym.Plant(
             world.model, given, lambda *_: world.estimate(), period=period, goal=goal, max_age=0.1
         )  # fmt: skip
@@ -181,14 +171,14 @@ class Single:
         return self.env.reset(seed=0)[1]["safety_filter"]
 
     def step(self, u=AHEAD):
-        self.ways(self.world.scene)
+        self.input(self.world.scene)
         return self.env.step(u)[4]["safety_filter"]
 
 
 class Changed(Single):
     """The package's environment, whose scene is changed in an episode."""
 
-    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+    def __init__(self, name, world, guidance=None, goal=None, period=T, **options):
         self.world = world
         self.latest = world.scene
         inner = RegionsEnv(scenario=self.scenario())
@@ -226,9 +216,9 @@ class Changed(Single):
 class Batched:
     """`VectorSafetyFilter`: the second of three points is lied to, the others are not."""
 
-    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+    def __init__(self, name, world, guidance=None, goal=None, period=T, **options):
         self.world = world
-        ways, count = Ways(way, 3), 3
+        read, count = Input(name, 3), 3
         calm = np.array([[-3.0, 0.0, 0.0, 0.0]] * count)
 
         def state(*_):
@@ -238,7 +228,7 @@ class Batched:
             return stacked(each)
 
         plant = hcbf_gym.Plant(
-            models.DoubleIntegrator(), lambda *_: ways(world.scene), state, period=period,
+            models.DoubleIntegrator(), lambda *_: read(world.scene), state, period=period,
             input_set=models.Box.symmetric(LIMIT), goal=goal, max_age=0.1,
         )  # fmt: skip
 
@@ -293,16 +283,16 @@ def stacked(each):
 class Driven:
     """`VelocityFilter` in a loop: an ideal robot that takes velocities."""
 
-    def __init__(self, way, world, guidance=None, goal=None, period=T, **options):
+    def __init__(self, name, world, guidance=None, goal=None, period=T, **options):
         self.world = world
-        self.ways = Ways(way)
+        self.input = Input(name)
         exact = Response(
             gain=(1.0, 1.0, 1.0), time_constant=0.02, delay=0.0, residual=(0.0, 0.0, 0.0),
             sway=1.0, overshoot=0.0, rise=0.7, stopping=0.1, braking=LIMIT, falls=0, seconds=60.0,
         )  # fmt: skip
         robot = Robot(Command(forward=3.0, sideways=3.0, turn=1.0), exact)
         self.filter = VelocityFilter(
-            robot, self.ways(world.scene), period=T, guidance=guidance, goal=goal, **options
+            robot, self.input(world.scene), period=T, guidance=guidance, goal=goal, **options
         )
 
     def reset(self):
@@ -311,7 +301,7 @@ class Driven:
     def step(self, u=AHEAD):
         world = self.world
         told = world.estimate()
-        self.filter.barriers = self.ways(world.scene)
+        self.filter.barriers = self.input(world.scene)
         pose = None if told.x is None else (told.x[0], told.x[1], 0.0)
         twist = None if told.x is None else (told.x[2], told.x[3], 0.0)
         wanted = (3.0 * np.sign(u[0]), 0.0, 0.0)

@@ -1,0 +1,107 @@
+"""The barriers of N plants as a filter takes them: a sequence of elements, or N sequences.
+
+They are read at every step, whether they come from a user's reader or were set once. As long as
+they hold the same objects, and elements of several barriers the same conditions, the set that was
+made of them stays: objects are compared, never their values.
+"""
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+from hcbf_gym.barriers.many import Flat, Read, flattened, is_list
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import InvalidInputError, shown
+
+Scenes = tuple[tuple[Any, ...], ...]
+
+
+class SceneReader:
+    """Reads the scenes of N plants.
+
+    Args:
+        count: N.
+    """
+
+    def __init__(self, count: int):
+        self._count = count
+        self._scenes: Scenes = ()
+        self._fixed: object = None  # what was read last, if nobody can change it
+        self._several: Read = []
+        self._set = BarrierSet([()] * count)
+
+    def __call__(self, barriers: Any) -> BarrierSet:
+        """Return the scenes, the same set as before while they hold the same objects.
+
+        Args:
+            barriers: a sequence of elements for all plants; N sequences, of any lengths; or the set
+                of an environment, see `BarrierSet`.
+
+        Raises:
+            InvalidInputError: if they are none of these, or an element is no barrier.
+        """
+        if isinstance(barriers, BarrierSet):
+            return self._of_environment(barriers)
+        if barriers is not self._fixed or barriers is None:
+            scenes = self._sequences(barriers)
+            if not self._are_same(scenes):
+                self._read(scenes, barriers)
+        if not all(_same(one.conditions, conditions) for one, conditions in self._several):
+            self._read(self._scenes, barriers)
+        return self._set
+
+    def _sequences(self, barriers: Any) -> Scenes:
+        """Return one scene for all plants, or N, as tuples of elements.
+
+        Raises:
+            InvalidInputError: if they are neither.
+        """
+        if not is_list(barriers):
+            raise InvalidInputError(
+                f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
+            )
+        if not is_list(next(iter(barriers), None)):
+            return (tuple(barriers),)
+        if len(barriers) != self._count or not all(map(is_list, barriers)):
+            raise InvalidInputError(
+                f"barriers: got {len(barriers)} entries that are no barriers, expected one list of "
+                f"barriers for all plants, or {self._count} lists, one for each"
+            )
+        return tuple(map(tuple, barriers))
+
+    def _of_environment(self, scenes: BarrierSet) -> BarrierSet:
+        """Return the set of an environment that sets its scenes there.
+
+        Raises:
+            InvalidInputError: if it is another's, or of another number of plants.
+        """
+        if not scenes.is_placed:
+            raise InvalidInputError(
+                "barriers: got a BarrierSet, expected the sequence of barriers of which it was made"
+            )
+        if len(scenes.kind) != self._count:
+            raise InvalidInputError(
+                f"barriers: got a set of {len(scenes.kind)} scenes, expected {self._count}"
+            )
+        return scenes
+
+    def _are_same(self, scenes: Scenes) -> bool:
+        """Return whether scenes hold the objects that were read last."""
+        return len(scenes) == len(self._scenes) and all(map(_same, scenes, self._scenes))
+
+    def _read(self, scenes: Scenes, barriers: Any) -> None:
+        """Make a set of scenes."""
+        read = [flattened(scene) for scene in scenes]
+        listed: list[Flat] = [flat for flat, _ in read]
+        if len(listed) == 1:
+            listed *= self._count
+        self._set = BarrierSet(listed, self._set if self._count == 1 else None)
+        self._several = [pair for _, several in read for pair in several]
+        is_tuple = type(barriers) is tuple
+        fixed = is_tuple and (scenes[0] is barriers or all(map(operator.is_, scenes, barriers)))
+        self._scenes, self._fixed = scenes, barriers if fixed else None
+
+
+def _same(one: Sequence[Any], other: Sequence[Any]) -> bool:
+    """Return whether two sequences hold the same objects."""
+    return one is other or (len(one) == len(other) and all(map(operator.is_, one, other)))
