@@ -108,10 +108,12 @@ def register(
         InvalidInputError: if the name is taken or no name, a number is out of range, or
             `draw_many` fills other scenes than `draw`.
     """
-    if not name or set(text("family", name)) & set(":/ "):
+    name = text("family", name)
+    if not name or set(name) & set(":/ "):
         raise InvalidInputError(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
+    instance(f"family {name!r}: hooks", hooks, Hooks)
     for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
         if not (callable(given) or (given is None and what != "draw")):
             raise InvalidInputError(
