@@ -23,6 +23,7 @@ NOT_CALLED = {
     estimation: {"Estimator"},  # the A1's environment makes it
     barriers: {"Barrier", "ClassK", "PlanarBarrier", "Shape"},  # abstract
     programs: {"BatchProgram", "Prices", "Program"},  # `make` and `make_batch` make them
+    scenarios: {"Family", "register_floors"},  # `register` makes one, packages call the other
 }
 """What is called by another name, or by nobody."""
 
