@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.wrappers.vector import DictInfoToList
 
 import hcbf_gym
-from hcbf_gym import barriers, estimation, models, programs, wrappers
+from hcbf_gym import barriers, estimation, models, programs, scenarios, wrappers
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from tests import public_calls
 from tests.public_calls import Loose, torch
