@@ -155,7 +155,7 @@ SUITES = {
         "maps",
         "maps: exact covers, attacks, speed zones, scans, walkers, costs",
         90,
-        (*ROM, *A1, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/scenarios/plans/*"),
+        (*ROM, *A1, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/maps/plans/*"),
         extra="walkers",
         needs=("onnxruntime",),
     ),

@@ -71,4 +71,4 @@ gym.register(
     max_episode_steps=1000,
 )
 
-from hcbf_gym import registered  # noqa: E402, F401
+import hcbf_gym.registered  # noqa: E402, F401

@@ -57,6 +57,7 @@ def read_by_name() -> list[Path]:
     """Return what no import tells of: environments made by name, robots and policies in files."""
     patterns = (
         "envs/*.py",
+        "registered.py",
         "robots/**/*.xml",
         "robots/**/*.json",
         "policies/baselines/*",

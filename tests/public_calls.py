@@ -457,6 +457,12 @@ def calls() -> dict[str, Call]:
         ),
         "scenarios.from_dict": Call(scenarios.from_dict, given(data=scene().to_dict())),
         "scenarios.load": Call(scenarios.load, given(path="nowhere.json")),
+        "scenarios.register": Call(scenarios.register, given(
+            name="called", draw=lambda generator, scene: None, shapes=1, v_max=1.0,
+            draw_many=None, floor=None, hooks=scenarios.Hooks(),
+        )),
+        "scenarios.families": Call(scenarios.families, {}),
+        "scenarios.family_of": Call(scenarios.family_of, given(scenario="random")),
         "scenarios.is_random": Call(scenarios.is_random, given(scenario="random")),
         "scenarios.names": Call(scenarios.names, {}),
         "scenarios.on_map": Call(
@@ -464,6 +470,10 @@ def calls() -> dict[str, Call]:
         ),
         "policies.load": Call(policies.load, given(name="ppo", env=regions())),
         "policies.make": Call(policies.make, given(name="pd", env=regions())),
+        "policies.register": Call(
+            policies.register, given(name="pd.again", make=policies.PDTracker.for_env)
+        ),
+        "policies.names": Call(policies.names, {}),
         "policies.check": Call(policies.check, given(name="pd")),
         "policies.files": Call(policies.files, given(name="pd")),
         "policies.is_own": Call(policies.is_own, given(name="pd")),

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 from importlinter import cli
@@ -16,6 +17,18 @@ ROOT = Path(__file__).parents[1]
 def test_imports_go_one_way(capsys):
     code = cli.lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
     assert code == cli.EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def test_every_module_has_its_place_in_one_of_the_three_packages_to_come():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    (contract,) = (c for c in contracts["contracts"] if c["name"].startswith("Core, robots, lab"))
+    placed = [name.strip(" ()") for layer in contract["layers"] for name in layer.split(":")]
+    package = Path(hcbf_gym.__file__).parent
+    for file in package.rglob("*.py"):
+        parts = file.relative_to(package).with_suffix("").parts
+        names = {".".join(parts[: k + 1]) for k in range(len(parts))}
+        if parts[-1] != "__init__" and parts != ("registered",):
+            assert len(names & set(placed)) == 1, file
 
 
 def test_nothing_stands_loose_at_the_root():

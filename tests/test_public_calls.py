@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.wrappers.vector import DictInfoToList
 
 import hcbf_gym
-from hcbf_gym import barriers, estimation, models, programs, wrappers
+from hcbf_gym import barriers, estimation, models, programs, scenarios, wrappers
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from tests import public_calls
 from tests.public_calls import Loose, torch
@@ -23,6 +23,7 @@ NOT_CALLED = {
     estimation: {"Estimator"},  # the A1's environment makes it
     barriers: {"Barrier", "ClassK", "PlanarBarrier", "Shape"},  # abstract
     programs: {"BatchProgram", "Prices", "Program"},  # `make` and `make_batch` make them
+    scenarios: {"Family", "register_floors"},  # `register` makes one, packages call the other
 }
 """What is called by another name, or by nobody."""
 

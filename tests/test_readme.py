@@ -210,6 +210,7 @@ HELP = (
 def workplace(tmp_path, monkeypatch):
     """A folder with the files that pages name."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(scenarios, "_FAMILIES", scenarios._FAMILIES.copy())
     names: dict = {}
     exec(blocks("docs/my_map.md", "python")[0], names)
     for mask in ("zones", "zone", "avoid", "school"):
@@ -218,6 +219,7 @@ def workplace(tmp_path, monkeypatch):
             Path(f"{mask}.{ending}").write_bytes(content.replace(b"keepout", mask.encode()))
     Path("scene.json").write_text(blocks("docs/environments.md", "json")[0], encoding="utf-8")
     exec(blocks("docs/my_policy.md", "python")[0], names)
+    Path("pond.py").write_text(blocks("docs/my_family.md", "python")[0], encoding="utf-8")
     Path("examples").symlink_to(ROOT / "examples")
     shutil.copy(ROOT / "hcbf_gym/certificates/shipped/cart.json", "FILE")
     return tmp_path

@@ -41,9 +41,12 @@ class SceneSource:
             InvalidInputError: if an option is unknown or malformed, or the scene does not fit the
                 environment; the message says what it has to be like.
         """
-        options = {} if options is None else options
+        if options is None:
+            return {}
         records.check_mapping("reset: options", options)
         check_options("reset: options", options, OPTIONS)
+        if not options:
+            return {}
         got = _alike(self.next(np.random.default_rng(0), options))
         own = _alike(self.own)
         if got != own:

@@ -22,6 +22,7 @@ from hcbf_gym.errors import (
     count,
     instance,
     require,
+    shown,
     text,
 )
 from hcbf_gym.policies import learned
@@ -41,13 +42,16 @@ def register(name: str, make: Make) -> None:
         make: (environment) → the policy of one episode in it.
 
     Raises:
-        InvalidInputError: if the name is taken or no name.
+        InvalidInputError: if the name is taken or no name, or `make` is no function.
     """
-    if not name or name in _NAMED or set(text("policy", name)) & set(":./"):
+    name = text("policy", name)
+    if not name or set(name) & set(":./") or name in _NAMED:
         raise InvalidInputError(
             f"policy: got {name!r}, expected a name without colon, dot and slash that is not "
             f"taken: {names()}"
         )
+    if not callable(make):
+        raise InvalidInputError(f"policy {name!r}: got {shown(make)}, expected a function")
     _NAMED[name] = make
 
 

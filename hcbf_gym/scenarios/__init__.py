@@ -20,29 +20,13 @@ from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps
 from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
 from hcbf_gym.scenarios.floor import Floor, Region, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
-from hcbf_gym.scenarios.scene import (
-    ANGLE,
-    ASPECT,
-    BOX,
-    DISC,
-    ELLIPSE,
-    HALF_PLANE,
-    RADIUS,
-    SHAPE,
-    Scene,
-    X,
-    Y,
-)
+from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
 
 __all__ = [
-    "ANGLE",
-    "ASPECT",
     "BOX",
     "DISC",
     "ELLIPSE",
     "HALF_PLANE",
-    "RADIUS",
-    "SHAPE",
     "BoxObstacle",
     "Family",
     "Floor",
@@ -52,8 +36,6 @@ __all__ = [
     "Scenario",
     "ScenarioLike",
     "Scene",
-    "X",
-    "Y",
     "families",
     "family_of",
     "from_dict",
@@ -108,10 +90,12 @@ def register(
         InvalidInputError: if the name is taken or no name, a number is out of range, or
             `draw_many` fills other scenes than `draw`.
     """
-    if not name or set(text("family", name)) & set(":/ "):
+    name = text("family", name)
+    if not name or set(name) & set(":/ "):
         raise InvalidInputError(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
+    instance(f"family {name!r}: hooks", hooks, Hooks)
     for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
         if not (callable(given) or (given is None and what != "draw")):
             raise InvalidInputError(

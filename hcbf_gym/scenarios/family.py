@@ -152,8 +152,8 @@ class Family:
     def scenario(self, scene: Scene) -> Scenario:
         """Return one of its scenes as a `Scenario`."""
         walls, barriers = 0, []
-        for k, row in enumerate(scene.shapes):
-            is_wall = bool(row[SHAPE] == HALF_PLANE)
+        for k, row in enumerate(scene.shapes.tolist()):
+            is_wall = row[SHAPE] == HALF_PLANE
             walls += is_wall
             name = f"wall {walls}" if is_wall else f"region {k + 1 - walls}"
             velocity = scene.velocities[k].tolist()

@@ -5,6 +5,8 @@ both walls: the way exists by construction, and standing still meets every stric
 the episode starts inside a region of priority 3 whose nearest exit leads into one of priority 2.
 """
 
+from functools import cache
+
 import numpy as np
 
 from hcbf_gym.arrays import Array
@@ -48,10 +50,9 @@ def draw(
             moves walls and regions apart and the goal farther away.
     """
     hall.check_count(scene, hall.WALLS + REGIONS)
-    ranks, goal = scene.ranks[hall.WALLS :], scene.goal
-    n_slots = len(ranks)
-    ranks[:] = 1 + 5 * np.arange(n_slots) // (2 * n_slots)  # two fifths each, and a fifth of rank 3
-    of_2, of_3 = int(np.argmax(ranks == 2)), int(np.argmax(ranks == 3))
+    goal, n_slots = scene.goal, len(scene.ranks) - hall.WALLS
+    scene.ranks[hall.WALLS :] = ranks = _ranks(n_slots)
+    of_2, of_3 = ranks.index(2), ranks.index(3)
     numbers = generator.random(4 + n_slots + 7 * n_slots)
     drawn, presence, chances = np.split(numbers, (4, 4 + n_slots))
     chances = chances.reshape(n_slots, 7)
@@ -83,6 +84,12 @@ def draw(
             scene.velocities[hall.WALLS + slot] = velocity
     if conflict:
         _collide(regions[of_3], regions[of_2], chances[of_3])
+
+
+@cache
+def _ranks(count: int) -> list[int]:
+    """Return the ranks of regions: two fifths each of 1 and 2, and a fifth of 3."""
+    return [1 + 5 * k // (2 * count) for k in range(count)]
 
 
 def _place(

@@ -1,5 +1,6 @@
 """The arrays of a random scene, and the barriers that their rows mean."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,25 +52,32 @@ def write(scene: Scene, i: int, into: BarrierSet) -> None:
     """Write a scene into environment `i` of a set, without an object for a barrier."""
     m = len(scene.ranks)
     kind, parameters = into.kind[i], into.parameters[i]
-    for k in range(m):
-        row, velocity, c = scene.shapes[k], scene.velocities[k], parameters[k]
-        code, at, radius = row[SHAPE], (row[X], row[Y]), row[RADIUS]
+    rows = zip(scene.shapes.tolist(), scene.velocities.tolist(), parameters, strict=False)
+    for k, (row, velocity, c) in enumerate(rows):
+        code, x, y, radius, aspect, angle = row
         if code == HALF_PLANE:
-            kind[k] = _core.half_plane_write(c, at, radius)
+            kind[k] = _core.half_plane_write(c, (x, y), radius)
         elif code == DISC:
-            kind[k] = _core.disc_write(c, tuple(velocity), at, radius)
+            kind[k] = _core.disc_write(c, velocity, (x, y), radius)
         elif code == ELLIPSE:
-            semi_axes = (radius, row[ASPECT] * radius)
-            kind[k] = _core.ellipse_write(c, tuple(velocity), at, semi_axes, row[ANGLE])
+            kind[k] = _core.ellipse_write(c, velocity, (x, y), (radius, aspect * radius), angle)
         else:
+<<<<<<< HEAD
             kind[k] = _core.convex_polygon_write(c, tuple(velocity), corners(row))
     into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
     into.changed(i)
+=======
+            kind[k] = _core.convex_polygon_write(c, velocity, corners(row))
+    if not np.array_equal(into.priority[i, :m], scene.ranks):
+        into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
+        into.version[i] += 1
+        into.edits += 1
+>>>>>>> w-register
 
 
-def barrier(name: str, rank: int, row: Array, velocity: Any) -> Barrier:
+def barrier(name: str, rank: int, row: Sequence[float], velocity: Any) -> Barrier:
     """Return a row of `Scene.shapes` as an object."""
-    code, x, y, radius, aspect, angle = row.tolist()
+    code, x, y, radius, aspect, angle = row
     if code == HALF_PLANE:
         return HalfPlane(name, rank, (x, y), radius)
     if code == DISC:
@@ -79,7 +87,7 @@ def barrier(name: str, rank: int, row: Array, velocity: Any) -> Barrier:
     return ConvexPolygon(name, rank, tuple(map(tuple, corners(row))), velocity)
 
 
-def corners(row: Array) -> Array:
+def corners(row: Sequence[float]) -> Array:
     """Return (k, 2) the corners of a polygon or box, counter-clockwise."""
     code, x, y, radius, aspect, angle = row
     if code == BOX:

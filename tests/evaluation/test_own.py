@@ -128,7 +128,7 @@ def test_h_that_a_rollout_records_is_that_of_the_states_it_went_through(own):
         (["--policy", "OWN:act", "OWN:nothing"], "AttributeError"),
         (["--env", BOAT, "--v-max", "1.0"], "whose plant says all that"),
         (["--env", BOAT, "--policy", "pd"], "expected one of your own"),
-        (["--env", ROM, "--body", "footprint"], "which is a point"),
+        (["--env", ROM, "--body", "footprint"], "expected --env HCBF-A1Regions-v0"),
         (["--env", "HCBF-Nowhere-v0"], "file.py:function"),
         (["--env", ROM, "--masks", "keepout.yaml", "2"], "--map"),
     ],

@@ -180,3 +180,13 @@ def test_what_is_no_policy_is_refused_in_a_sentence(own, env, monkeypatch, name,
 def test_an_unknown_name_is_answered_with_what_there_is(env):
     with pytest.raises(UnknownNameError, match=r"pd-ff.*ppo.*file\.py:function"):
         policies.make("nobody", env)
+
+
+def test_a_registered_policy_is_made_by_its_name():
+    env = gym.make("HCBF-Regions-v0")
+    policies.register("still", lambda env: lambda observation, info: np.zeros(2))
+    assert not policies.make("still", env)(*env.reset(seed=0)).any()
+    assert {"pd", "pd-ff", "ppo", "still"} <= set(policies.names())
+    for taken in ("pd", "ppo", "still", "still:life", ""):
+        with pytest.raises(InvalidInputError, match="not"):
+            policies.register(taken, policies.PDTracker.for_env)
