@@ -62,17 +62,9 @@ def write(scene: Scene, i: int, into: BarrierSet) -> None:
         elif code == ELLIPSE:
             kind[k] = _core.ellipse_write(c, velocity, (x, y), (radius, aspect * radius), angle)
         else:
-<<<<<<< HEAD
-            kind[k] = _core.convex_polygon_write(c, tuple(velocity), corners(row))
+            kind[k] = _core.convex_polygon_write(c, velocity, corners(row))
     into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
     into.changed(i)
-=======
-            kind[k] = _core.convex_polygon_write(c, velocity, corners(row))
-    if not np.array_equal(into.priority[i, :m], scene.ranks):
-        into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
-        into.version[i] += 1
-        into.edits += 1
->>>>>>> w-register
 
 
 def barrier(name: str, rank: int, row: Sequence[float], velocity: Any) -> Barrier:
