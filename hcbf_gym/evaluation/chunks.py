@@ -6,7 +6,7 @@ found.
 
 >>> from tempfile import TemporaryDirectory
 >>> with TemporaryDirectory() as folder:
-...     results = dict(run(abs, [-1.5, 2.5], folder=Path(folder), workers=1))
+...     results = dict(Runs(Path(folder), workers=1).over(abs, [-1.5, 2.5]))
 >>> results
 {0: 1.5, 1: 2.5}
 """
@@ -67,83 +67,12 @@ class Chunk(NamedTuple):
         return f"chunk of {len(self.jobs)} from job {self.start}, {reprlib.repr(self.jobs[0])}"
 
 
-def run(
-    function: Callable[[J], R],
-    jobs: Sequence[J],
-    *,
-    folder: Path | None = None,
-    reads: Sequence[Path] = (),
-    plant: str = "",
-    size: int = 1,
-    repeat: bool = False,
-    workers: int | None = None,
-    backend: Backend = "processes",
-    title: str | None = None,
-) -> Iterator[tuple[int, R]]:
-    """Yield (number of the job, its result): what is saved at once, the others as they finish.
-
-    Who stops iterating stops the workers. The results of a chunk are saved, bit for bit, in a file
-    that is named by a hash of what was run: the function with all sources below it, the files and
-    the plant that it reads, the versions of what computes, and the jobs. With them the file holds a
-    hash of every file that the jobs opened, see `opened`, and it counts only while these are the
-    same. So a folder never answers for other work, and chunks of several machines may be put into
-    one.
-
-    Args:
-        function: job → result; it, the jobs and the results can be pickled.
-        jobs: what to run.
-        folder: where chunks are saved; None to save nothing.
-        reads: the files of the user's own that decide the results: scenes, contracts, policies.
-        plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
-        size: jobs in a chunk.
-        repeat: whether one job of every saved chunk runs again and is compared; where it comes out
-            otherwise, all of the chunk runs again, with a warning.
-        workers: chunks that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray".
-        title: of a bar that tells what is done and how long the rest takes; None for no bar.
-
-    Raises:
-        InvalidInputError: if the size or the workers are below 1, if a cluster has fewer CPUs than
-            workers, if the function or a job cannot be pickled, or if what decides the results
-            changes while they are computed.
-        UnknownNameError: if there is no such backend.
-        MissingDependencyError: if Ray is asked for and not installed.
-        ChunkError: if the function raises an error that is not of this package, or the workers of
-            one chunk died `ATTEMPTS` times.
-    """
-    if size < 1:
-        raise InvalidInputError(f"size: got {size}, expected at least 1")
-    work = _Work(
-        function,
-        {str(file): content(str(file)) for file in reads},
-        backend,
-        working.count(backend, workers),
-    )
-    identity = ""
-    if folder is not None:  # a shipped certificate sets the margins of its plant
-        shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
-        sources = sources_of(function, [*reads, *shipped])
-        identity = f"{sources} {_hash(function)} {versions()} {plant}"
-    chunks = []
-    for start in range(0, len(jobs), size):
-        part = jobs[start : start + size]
-        path = None if folder is None else folder / f"{_key(identity, part)}.chunk"
-        chunks.append(Chunk(start, part, path))
-    return _complete(work, chunks, repeat, title)
-
-
-def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
-    """Return all results of `run`, in the order of the jobs."""
-    results = dict(runs)
-    return [results[number] for number in range(len(results))]
-
-
 @dataclass(frozen=True)
 class Runs:
-    """How the jobs of a study run; see `run`.
+    """How the jobs of a study run.
 
     Args:
-        folder: where finished chunks are kept; None to keep none.
+        folder: where chunks are saved; None to save nothing.
         workers: chunks that run at once; None for as many as the backend has CPUs.
         backend: "processes" or "ray".
         quiet: show no bar.
@@ -154,13 +83,13 @@ class Runs:
     backend: Backend = "processes"
     quiet: bool = False
 
-    def check(self) -> None:
-        """Refuse workers that there are not, before anything else is done.
+    def check(self) -> int:
+        """Return how many chunks run at once.
 
         Raises:
-            HcbfError: as `run` does.
+            HcbfError: as `workers.count` does.
         """
-        working.count(self.backend, self.workers)
+        return working.count(self.backend, self.workers)
 
     def over(
         self,
@@ -172,11 +101,55 @@ class Runs:
         plant: str = "",
         repeat: bool = False,
     ) -> Iterator[tuple[int, R]]:
-        """Yield (number, result) of jobs as `run` does; `title` is of the bar."""
-        return run(
-            function, jobs, folder=self.folder, reads=reads, plant=plant, size=size, repeat=repeat,
-            workers=self.workers, backend=self.backend, title=None if self.quiet else title,
-        )  # fmt: skip
+        """Yield (number of the job, its result): first saved ones, the others as they finish.
+
+        An end of the iteration stops the workers. The results of a chunk are saved, bit for bit, in
+        a file that is named by a hash of what was run: the function with all sources below it, the
+        files and the plant that it reads, the versions of what computes, and the jobs. With them
+        the file holds a hash of every file that the jobs opened, see `opened`, and it counts only
+        while these are the same. So a folder never answers for other work, and chunks of several
+        machines may be put into one.
+
+        Args:
+            function: job → result; it, the jobs and the results can be pickled.
+            jobs: what to run.
+            title: of a bar that shows what is done and how long the rest takes; None for no bar.
+            reads: the files of the user's own that decide the results: scenes, contracts, policies.
+            size: jobs in a chunk.
+            plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
+            repeat: whether one job of every saved chunk runs again and is compared; where it comes
+                out otherwise, all of the chunk runs again, with a warning.
+
+        Raises:
+            InvalidInputError: if the size or the workers are below 1, if a cluster has fewer CPUs
+                than workers, if the function or a job cannot be pickled, or if what decides the
+                results changes while they are computed.
+            UnknownNameError: if there is no such backend.
+            MissingDependencyError: if Ray is requested and not installed.
+            ChunkError: if the function raises an error that is not of this package, or the workers
+                of one chunk died `ATTEMPTS` times.
+        """
+        if size < 1:
+            raise InvalidInputError(f"size: got {size}, expected at least 1")
+        read = {str(file): content(str(file)) for file in reads}
+        work = _Work(function, read, self.backend, self.check())
+        identity = ""
+        if self.folder is not None:  # a shipped certificate sets the margins of its plant
+            shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
+            sources = sources_of(function, [*reads, *shipped])
+            identity = f"{sources} {_hash(function)} {versions()} {plant}"
+        chunks = []
+        for start in range(0, len(jobs), size):
+            part = jobs[start : start + size]
+            path = self.folder and self.folder / f"{_key(identity, part)}.chunk"
+            chunks.append(Chunk(start, part, path))
+        return _complete(work, chunks, repeat, None if self.quiet else title)
+
+
+def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
+    """Return all results of `Runs.over`, in the order of the jobs."""
+    results = dict(runs)
+    return [results[number] for number in range(len(results))]
 
 
 def versions() -> dict[str, str]:
@@ -221,9 +194,9 @@ class _Work(NamedTuple):
     """What runs.
 
     Attributes:
-        function: as `run` takes it.
-        read: path → hash of what `run` reads beside what jobs open.
-        backend: as `run` takes it.
+        function: as `Runs` takes them.
+        read: path → hash of what `Runs.over` reads beside what jobs open.
+        backend: as `Runs` takes them.
         workers: chunks that run at once.
     """
 
