@@ -290,17 +290,20 @@ def _finished(work: _Work, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, _Do
     """Run chunks, and yield each as it finishes; those whose worker dies run again.
 
     joblib does not report which job killed its worker, and stops the others. So a death counts for
-    each chunk that ran, and the last attempt of a chunk is alone.
+    each chunk that ran, and the last attempt of a chunk is alone. A chunk that dies then is given
+    up, and a second one ends the run.
     """
     waiting = {chunk.start: chunk for chunk in chunks}
     deaths: Counter[int] = Counter()
-    while waiting:
+    given_up: list[Exception] = []
+    while waiting and len(given_up) < 2:
         together = [one for one in waiting.values() if deaths[one.start] < ATTEMPTS - 1]
         begun: list[Chunk] = []
         failures: list[Exception] = []
         calls = _calls(work, together or list(waiting.values())[:1], begun, failures)
-        results: Any = working.parallel(work.backend, work.workers)(calls)
+        results: Any = None
         try:
+            results = working.parallel(work.backend, work.workers)(calls)
             for start, done in results:
                 if isinstance(done, _Done):
                     chunk = waiting.pop(start)
@@ -309,6 +312,9 @@ def _finished(work: _Work, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, _Do
                 else:
                     failures.append(done)  # raised after the end of those that run beside it
         except working.deaths(work.backend) as error:
+            deaths[-1] += not begun  # a node died where workers were to start
+            if deaths[-1] == ATTEMPTS:
+                raise
             for chunk in [one for one in begun if one.start in waiting]:
                 if chunk.path is not None and chunk.path.exists():
                     yield waiting.pop(chunk.start), _load(chunk)
@@ -316,13 +322,17 @@ def _finished(work: _Work, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, _Do
                 deaths[chunk.start] += 1
                 if deaths[chunk.start] == ATTEMPTS:
                     what = f"its worker died {ATTEMPTS} times, and the last time of"
-                    failures.append(_failure(chunk, what, error))
+                    given_up.append(_failure(chunk, what, error))
+                    del waiting[chunk.start]
         finally:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # that jobs were stopped
-                results.close()
+                if results is not None:
+                    results.close()
         if failures:
             raise failures[0]
+    if given_up:
+        raise given_up[0]
 
 
 def _calls(
