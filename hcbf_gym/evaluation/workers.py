@@ -51,16 +51,14 @@ def count(backend: Backend, workers: int | None) -> int:
 
 def parallel(backend: Backend, workers: int) -> joblib.Parallel:
     """Return what runs calls and yields their results as they finish; one worker is the caller."""
-    options: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": 1}
+    options: dict[str, Any] = {"pre_dispatch": "n_jobs", "batch_size": 1, "max_nbytes": None}
     if backend == "processes":
+        options |= {"backend": "loky", "inner_max_num_threads": 1}
         options |= {"initializer": _follow, "initargs": (os.getpid(),)}
     else:
+        options["backend"] = _ray_backend()
         workers = min(workers, _ray_cpus())  # a node may have died
-        options = {"backend": _ray_backend()}
-    return joblib.Parallel(
-        workers, return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1,
-        max_nbytes=None, **options,
-    )  # fmt: skip
+    return joblib.Parallel(workers, return_as="generator_unordered", **options)
 
 
 def deaths(backend: Backend) -> type[Exception]:
@@ -107,7 +105,6 @@ def _ray_cpus() -> int:
 
 def _ray_backend() -> Any:
     """Return Ray's backend of joblib, whose pool calls back, so that results can be yielded."""
-    kind = importlib.import_module("ray.util.joblib.ray_backend").RayBackend
-    backend = kind()
+    backend = importlib.import_module("ray.util.joblib.ray_backend").RayBackend()
     backend.supports_return_generator = True
     return backend
