@@ -99,7 +99,7 @@ def selftest(repetitions: int) -> Table:
     rows, good = [], True
     for name, share in (("ε / 10", 0.1), ("ε / 3", 1.0 / 3.0), ("ε", 1.0)):
         jobs = [(share * BOUND, seed) for seed in range(repetitions)]
-        runs = chunks.run(needed, jobs, folder=RESULTS / "selftest", size=50, title=name)
+        runs = chunks.Runs(RESULTS / "selftest").over(needed, jobs, name, size=50)
         ends = np.array([one for _, one in runs])
         passed, mean = float((ends > 0).mean()), float(ends[ends > 0].mean()) if ends.any() else 0.0
         slack = doubt + 3.0 * spread

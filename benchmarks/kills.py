@@ -61,12 +61,8 @@ def _notes(file: Path) -> list[list[int]]:
 def count(folder: Path, episodes: int, backend: Backend) -> None:
     """Run what is missing in the folder, and write what all of it says."""
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
-    runs = chunks.run(
-        functools.partial(walk, log=folder), seeds,
-        folder=folder / "chunks", size=SIZE, workers=2 if backend == "processes" else None,
-        backend=backend,
-    )  # fmt: skip
-    least = [h for _, h in sorted(runs)]
+    runs = chunks.Runs(folder / "chunks", 2 if backend == "processes" else None, backend)
+    least = chunks.in_order(runs.over(functools.partial(walk, log=folder), seeds, size=SIZE))
     entered = sum(h < 0.0 for h in least)
     bound = upper_bound(entered, episodes)
     write_json(
@@ -153,11 +149,11 @@ def _is_ours(pid: int, name: str) -> bool:
 
 @contextlib.contextmanager
 def _two_nodes() -> Iterator[Any]:
-    """Start a Ray cluster of two nodes with a CPU each; give what kills the second."""
+    """Start a Ray cluster of two nodes with two CPUs each; give what kills the second."""
     from ray.cluster_utils import Cluster
 
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
-    second = cluster.add_node(num_cpus=1)
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 2})
+    second = cluster.add_node(num_cpus=2)
     os.environ["RAY_ADDRESS"] = str(cluster.address)
     try:
         yield lambda: cluster.remove_node(second, allow_graceful=False)

@@ -175,7 +175,8 @@ def main(args: Args) -> None:
                 )
                 for k in range(args.episodes)
             ]  # fmt: skip
-            counts = [count for _, count in chunks.run(run, jobs, workers=args.workers, size=5)]
+            runs = chunks.Runs(workers=args.workers)
+            counts = [count for _, count in runs.over(run, jobs, size=5)]
             line = summary(plant, kind, counts)
             lines.append(line)
             table.add_row(*map(str, line.values()))

@@ -62,7 +62,7 @@ def main(generations: int = 21, scenes: int = 2, output: Path = TRAINED) -> None
             for parameters in asked
             for seed in range(first, first + scenes)
         ]
-        found = dict(chunks.run(least_h, jobs, folder=Path("results/train-attack")))
+        found = dict(chunks.Runs(Path("results/train-attack")).over(least_h, jobs))
         least = np.array([found[k] for k in range(len(jobs))]).reshape(POPULATION, scenes)
         search.tell(list(zip(asked, least.mean(axis=1).tolist(), strict=True)))
         means.append(float(least.mean()))

@@ -14,7 +14,6 @@ import numpy as np
 
 from hcbf_gym import wrappers
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs.fleet import FleetVectorEnv
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.envs.walker_drive import WalkerDrive
 from hcbf_gym.envs.walker_physics import WalkerPhysics
@@ -81,8 +80,8 @@ def speeds(contracts: Mapping[str, str]) -> Table:
     return Table("policy, physics, filter and infos on one core", header, rows)
 
 
-def fleet(contract: str, count: int = 16, seconds: float = 2.0) -> Table:
-    """Return how much more a fleet of filtered robots on all cores does than one core.
+def many(contract: str, count: int = 16, seconds: float = 2.0) -> Table:
+    """Return how fast filtered robots run in Gymnasium's vector environments.
 
     Args:
         contract: a path or a name.
@@ -94,7 +93,6 @@ def fleet(contract: str, count: int = 16, seconds: float = 2.0) -> Table:
         "one alone": gym.vector.SyncVectorEnv([make]),
         f"{count} in SyncVectorEnv": gym.vector.SyncVectorEnv([make] * count),
         f"{count} in AsyncVectorEnv": gym.vector.AsyncVectorEnv([make] * count),
-        f"{count} in FleetVectorEnv": FleetVectorEnv([make] * count),
     }
     for envs in loops.values():
         envs.reset(seed=0)

@@ -21,7 +21,7 @@ from rich.console import Console
 from benchmarks.strict.lines import faster
 from benchmarks.strict.suite import outcomes, summary
 from benchmarks.velocity_loops import LoopEpisode
-from benchmarks.walker_loops import fleet, speeds, tracking
+from benchmarks.walker_loops import many, speeds, tracking
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import ATTACKS
@@ -180,8 +180,8 @@ def run(quick: bool) -> dict[str, Any]:
     contracts = {robot: ROBOTS[robot].contract for robot in robots}
     tables.append(tracking(contracts, 5.0 if quick else 60.0))
     if not quick:
-        tables += [speeds(contracts), fleet(contracts.get("go1", "cart"))]
-    names = (*EPISODES, "tracking", "speed", "fleet")
+        tables += [speeds(contracts), many(contracts.get("go1", "cart"))]
+    names = (*EPISODES, "tracking", "speed", "many")
     return {name: one._asdict() for name, one in zip(names, tables, strict=False)}
 
 
@@ -260,7 +260,7 @@ def main(
     if part == "speed":
         Console().print(speeds(contracts).rich())
         if "go1" in contracts:
-            Console().print(fleet(contracts["go1"]).rich())
+            Console().print(many(contracts["go1"]).rich())
         return
     Console().print(table(part, robots, episodes).rich())
 

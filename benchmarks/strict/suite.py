@@ -65,7 +65,7 @@ def outcomes(
         title: of a progress bar; none is shown without one.
     """
     run = type(episodes[0]).run
-    return chunks.in_order(chunks.run(run, episodes, folder=folder, reads=reads, title=title))
+    return chunks.in_order(chunks.Runs(folder).over(run, episodes, title, reads))
 
 
 def summary(seen: Sequence[Outcome]) -> Group:

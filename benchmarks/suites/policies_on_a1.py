@@ -16,8 +16,7 @@ from benchmarks.suites.learned_policies import (
     tables,
 )
 from hcbf_gym.arrays import Array
-from hcbf_gym.evaluation.chunks import in_order
-from hcbf_gym.evaluation.chunks import run as run_jobs
+from hcbf_gym.evaluation.chunks import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case
 
 __all__ = ["run", "tables"]
@@ -41,7 +40,7 @@ def a1_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
     case = Case("HCBF-A1Regions-v0", SCENARIO, name, program, options)
     m = len(PRIORITY)
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
-    summaries = in_order(run_jobs(functools.partial(_summary, case), seeds, folder=KEPT, size=10))
+    summaries = in_order(Runs(KEPT).over(functools.partial(_summary, case), seeds, size=10))
     least: Array = np.array([summary["min_h"] for summary in summaries])
     inside = np.array([summary["violation_seconds"] for summary in summaries])
     figures = figures_of(

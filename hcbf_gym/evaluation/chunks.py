@@ -6,7 +6,7 @@ found.
 
 >>> from tempfile import TemporaryDirectory
 >>> with TemporaryDirectory() as folder:
-...     results = dict(run(abs, [-1.5, 2.5], folder=Path(folder), workers=1))
+...     results = dict(Runs(Path(folder), workers=1).over(abs, [-1.5, 2.5]))
 >>> results
 {0: 1.5, 1: 2.5}
 """
@@ -19,9 +19,9 @@ import pickle
 import platform
 import reprlib
 import time
-from collections import Counter, deque
+import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -33,9 +33,10 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from hcbf_gym import opened, version
 from hcbf_gym.certificates import same
 from hcbf_gym.errors import UNREADABLE, ChunkError, HcbfError, InvalidInputError, warn_caller
-from hcbf_gym.evaluation.workers import Backend, Pool, open_pool
+from hcbf_gym.evaluation import workers as working
+from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.opened import MISSING, content
-from hcbf_gym.records import whole
+from hcbf_gym.records import make_folder, whole
 from hcbf_gym.sources import PACKAGE, read_by_name, sources_hash
 
 SAID_EVERY = 15.0
@@ -66,79 +67,12 @@ class Chunk(NamedTuple):
         return f"chunk of {len(self.jobs)} from job {self.start}, {reprlib.repr(self.jobs[0])}"
 
 
-def run(
-    function: Callable[[J], R],
-    jobs: Sequence[J],
-    *,
-    folder: Path | None = None,
-    reads: Sequence[Path] = (),
-    plant: str = "",
-    size: int = 1,
-    repeat: bool = False,
-    workers: int | None = None,
-    backend: Backend = "processes",
-    title: str | None = None,
-) -> Iterator[tuple[int, R]]:
-    """Yield (number of the job, its result): what is saved at once, the others as they finish.
-
-    Who stops iterating stops the workers. The results of a chunk are saved, bit for bit, in a file
-    that is named by a hash of what was run: the function with all sources below it, the files and
-    the plant that it reads, the versions of what computes, and the jobs. With them the file holds a
-    hash of every file that the jobs opened, see `opened`, and it counts only while these are the
-    same. So a folder never answers for other work, and chunks of several machines may be put into
-    one.
-
-    Args:
-        function: job → result; it, the jobs and the results can be pickled.
-        jobs: what to run.
-        folder: where chunks are saved; None to save nothing.
-        reads: the files of the user's own that decide the results: scenes, contracts, policies.
-        plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
-        size: jobs in a chunk.
-        repeat: whether one job of every saved chunk runs again and is compared; where it comes out
-            otherwise, all of the chunk runs again, with a warning.
-        workers: chunks that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray".
-        title: of a bar that tells what is done and how long the rest takes; None for no bar.
-
-    Raises:
-        InvalidInputError: if the size or the workers are below 1, if a cluster has fewer CPUs than
-            workers, if the function or a job cannot be pickled, or if what decides the results
-            changes while they are computed.
-        UnknownNameError: if there is no such backend.
-        MissingDependencyError: if Ray is asked for and not installed.
-        ChunkError: if the function raises an error that is not of this package, or the workers of
-            one chunk died `ATTEMPTS` times.
-    """
-    if size < 1:
-        raise InvalidInputError(f"size: got {size}, expected at least 1")
-    pool = open_pool(backend, workers)
-    identity = ""
-    if folder is not None:  # a shipped certificate sets the margins of its plant
-        shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
-        sources = sources_of(function, [*reads, *shipped])
-        identity = f"{sources} {_hash(function)} {versions()} {plant}"
-    chunks = []
-    for start in range(0, len(jobs), size):
-        part = jobs[start : start + size]
-        path = None if folder is None else folder / f"{_key(identity, part)}.chunk"
-        chunks.append(Chunk(start, part, path))
-    work = _Work(function, {str(file): content(str(file)) for file in reads}, repeat)
-    return _complete(work, chunks, pool, title)
-
-
-def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
-    """Return all results of `run`, in the order of the jobs."""
-    results = dict(runs)
-    return [results[number] for number in range(len(results))]
-
-
 @dataclass(frozen=True)
 class Runs:
-    """How the jobs of a study run; see `run`.
+    """How the jobs of a study run.
 
     Args:
-        folder: where finished chunks are kept; None to keep none.
+        folder: where chunks are saved; None to save nothing.
         workers: chunks that run at once; None for as many as the backend has CPUs.
         backend: "processes" or "ray".
         quiet: show no bar.
@@ -149,13 +83,13 @@ class Runs:
     backend: Backend = "processes"
     quiet: bool = False
 
-    def check(self) -> None:
-        """Refuse workers that there are not, before anything else is done.
+    def check(self) -> int:
+        """Return how many chunks run at once.
 
         Raises:
-            HcbfError: as `run` does.
+            HcbfError: as `workers.count` does.
         """
-        open_pool(self.backend, self.workers).close()
+        return working.count(self.backend, self.workers)
 
     def over(
         self,
@@ -167,11 +101,55 @@ class Runs:
         plant: str = "",
         repeat: bool = False,
     ) -> Iterator[tuple[int, R]]:
-        """Yield (number, result) of jobs as `run` does; `title` is of the bar."""
-        return run(
-            function, jobs, folder=self.folder, reads=reads, plant=plant, size=size, repeat=repeat,
-            workers=self.workers, backend=self.backend, title=None if self.quiet else title,
-        )  # fmt: skip
+        """Yield (number of the job, its result): first saved ones, the others as they finish.
+
+        An end of the iteration stops the workers. The results of a chunk are saved, bit for bit, in
+        a file that is named by a hash of what was run: the function with all sources below it, the
+        files and the plant that it reads, the versions of what computes, and the jobs. With them
+        the file holds a hash of every file that the jobs opened, see `opened`, and it counts only
+        while these are the same. So a folder never answers for other work, and chunks of several
+        machines may be put into one.
+
+        Args:
+            function: job → result; it, the jobs and the results can be pickled.
+            jobs: what to run.
+            title: of a bar that shows what is done and how long the rest takes; None for no bar.
+            reads: the files of the user's own that decide the results: scenes, contracts, policies.
+            size: jobs in a chunk.
+            plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
+            repeat: whether one job of every saved chunk runs again and is compared; where it comes
+                out otherwise, all of the chunk runs again, with a warning.
+
+        Raises:
+            InvalidInputError: if the size or the workers are below 1, if a cluster has fewer CPUs
+                than workers, if the function or a job cannot be pickled, or if what decides the
+                results changes while they are computed.
+            UnknownNameError: if there is no such backend.
+            MissingDependencyError: if Ray is requested and not installed.
+            ChunkError: if the function raises an error that is not of this package, or the workers
+                of one chunk died `ATTEMPTS` times.
+        """
+        if size < 1:
+            raise InvalidInputError(f"size: got {size}, expected at least 1")
+        read = {str(file): content(str(file)) for file in reads}
+        work = _Work(function, read, self.backend, self.check())
+        identity = ""
+        if self.folder is not None:  # a shipped certificate sets the margins of its plant
+            shipped = sorted(PACKAGE.glob("certificates/shipped/*.json"))
+            sources = sources_of(function, [*reads, *shipped])
+            identity = f"{sources} {_hash(function)} {versions()} {plant}"
+        chunks = []
+        for start in range(0, len(jobs), size):
+            part = jobs[start : start + size]
+            path = self.folder and self.folder / f"{_key(identity, part)}.chunk"
+            chunks.append(Chunk(start, part, path))
+        return _complete(work, chunks, repeat, None if self.quiet else title)
+
+
+def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
+    """Return all results of `Runs.over`, in the order of the jobs."""
+    results = dict(runs)
+    return [results[number] for number in range(len(results))]
 
 
 def versions() -> dict[str, str]:
@@ -216,14 +194,16 @@ class _Work(NamedTuple):
     """What runs.
 
     Attributes:
-        function: as `run` takes it.
-        read: path → hash of what `run` reads beside what jobs open.
-        repeat: as `run` takes it.
+        function: as `Runs` takes them.
+        read: path → hash of what `Runs.over` reads beside what jobs open.
+        backend: as `Runs` takes them.
+        workers: chunks that run at once.
     """
 
     function: Callable[..., Any]
     read: Mapping[str, str]
-    repeat: bool
+    backend: Backend
+    workers: int
 
 
 class _Done(NamedTuple):
@@ -239,60 +219,63 @@ class _Done(NamedTuple):
 
 
 def _complete(
-    work: _Work, chunks: Sequence[Chunk], pool: Pool, title: str | None
+    work: _Work, chunks: Sequence[Chunk], repeat: bool, title: str | None
 ) -> Iterator[tuple[int, Any]]:
     """Yield what is saved and still holds, then what runs."""
+    for folder in {chunk.path.parent for chunk in chunks if chunk.path is not None}:
+        make_folder(folder)
+    saved = _saved(work, chunks, repeat)
+    for chunk in saved:
+        yield from enumerate(_load(chunk).results, chunk.start)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    try:
-        saved = _saved(work, chunks, pool)
-        for chunk in saved:
-            yield from enumerate(_load(chunk).results, chunk.start)
-        console = Console(stderr=True)
-        with Progress(
-            *columns,
-            console=console,
-            disable=title is None or console.is_jupyter,  # rich warns there without ipywidgets
-            speed_estimate_period=3600.0,  # of chunks that take minutes, too
-        ) as progress:
-            bar = progress.add_task(
-                title or "",
-                total=sum(len(chunk.jobs) for chunk in chunks),
-                completed=sum(len(chunk.jobs) for chunk in saved),
-            )
-            said = time.monotonic()
-            held = {chunk.start for chunk in saved}
-            missing = [chunk for chunk in chunks if chunk.start not in held]
-            for chunk, done in _finished(work, missing, pool):
-                progress.advance(bar, len(done.results))
-                quiet = title is None or progress.console.is_terminal
-                if not quiet and time.monotonic() - said > SAID_EVERY:
-                    said, task = time.monotonic(), progress.tasks[bar]
-                    progress.print(f"{title}: {task.completed:g} of {task.total:g}")
-                yield from enumerate(done.results, chunk.start)
-    finally:
-        pool.close()
+    console = Console(stderr=True)
+    with Progress(
+        *columns,
+        console=console,
+        disable=title is None or console.is_jupyter,  # rich warns there without ipywidgets
+        speed_estimate_period=3600.0,  # of chunks that take minutes, too
+    ) as progress:
+        bar = progress.add_task(
+            title or "",
+            total=sum(len(chunk.jobs) for chunk in chunks),
+            completed=sum(len(chunk.jobs) for chunk in saved),
+        )
+        said = time.monotonic()
+        held = {chunk.start for chunk in saved}
+        missing = [chunk for chunk in chunks if chunk.start not in held]
+        for chunk, done in _finished(work, missing):
+            progress.advance(bar, len(done.results))
+            quiet = title is None or progress.console.is_terminal
+            if not quiet and time.monotonic() - said > SAID_EVERY:
+                said, task = time.monotonic(), progress.tasks[bar]
+                progress.print(f"{title}: {task.completed:g} of {task.total:g}")
+            yield from enumerate(done.results, chunk.start)
 
 
-def _saved(work: _Work, chunks: Sequence[Chunk], pool: Pool) -> list[Chunk]:
-    """Return the chunks that are saved and still hold."""
+def _saved(work: _Work, chunks: Sequence[Chunk], repeat: bool) -> list[Chunk]:
+    """Return the chunks that are saved and still hold; the files of others are deleted."""
     holding: dict[int, Chunk] = {}
     samples: dict[int, tuple[Chunk, Any]] = {}
     for chunk in chunks:
         if chunk.path is None or not chunk.path.exists():
             continue
         done = _load(chunk)
-        if not _changed(work, done):
-            holding[chunk.start] = chunk
-            k = int(hashlib.sha256(chunk.path.name.encode()).hexdigest(), 16) % len(chunk.jobs)
-            samples[chunk.start + k] = chunk, done.results[k]
+        if _changed(work, done):
+            chunk.path.unlink()
+            continue
+        holding[chunk.start] = chunk
+        k = int(hashlib.sha256(chunk.path.name.encode()).hexdigest(), 16) % len(chunk.jobs)
+        samples[chunk.start + k] = chunk, done.results[k]
     again = [Chunk(n, [one.jobs[n - one.start]], None) for n, (one, _) in samples.items()]
-    for repeated, done in _finished(work, again, pool) if work.repeat else ():
+    for repeated, done in _finished(work, again) if repeat else ():
         chunk, kept = samples[repeated.start]
         if not same(kept, done.results[0]):
             warn_caller(
                 f"{chunk}: {chunk.path} holds another result of job {repeated.start} than it gives "
                 "now: the chunk runs again"
             )
+            assert chunk.path is not None
+            chunk.path.unlink()
             del holding[chunk.start]
     return list(holding.values())
 
@@ -303,58 +286,87 @@ def _changed(work: _Work, done: _Done) -> list[str]:
     return [name for name, then in read.items() if content(name) != then]
 
 
-def _finished(work: _Work, chunks: Sequence[Chunk], pool: Pool) -> Iterator[tuple[Chunk, _Done]]:
-    """Run chunks, save each as it finishes, and yield it; those whose worker dies run again."""
-    waiting = deque(chunks)
+def _finished(work: _Work, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, _Done]]:
+    """Run chunks, and yield each as it finishes; those whose worker dies run again.
+
+    joblib does not report which job killed its worker, and stops the others. So a death counts for
+    each chunk that ran, and the last attempt of a chunk is alone. A chunk that dies then is given
+    up, and a second one ends the run.
+    """
+    waiting = {chunk.start: chunk for chunk in chunks}
     deaths: Counter[int] = Counter()
-    running: dict[Future, Chunk] = {}
-    failures: list[BaseException] = []
-    while running or (waiting and not failures):
-        while waiting and not failures and len(running) < pool.workers:
-            chunk = waiting.popleft()
-            running[pool.submit(_call, work.function, chunk.jobs)] = chunk
-        finished = []
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
-            chunk = running.pop(future)
-            error = future.exception()
-            if pool.died(future):
+    given_up: list[Exception] = []
+    while waiting and len(given_up) < 2:
+        together = [one for one in waiting.values() if deaths[one.start] < ATTEMPTS - 1]
+        begun: list[Chunk] = []
+        failures: list[Exception] = []
+        calls = _calls(work, together or list(waiting.values())[:1], begun, failures)
+        results: Any = None
+        try:
+            results = working.parallel(work.backend, work.workers)(calls)
+            for start, done in results:
+                if isinstance(done, _Done):
+                    chunk = waiting.pop(start)
+                    _save(work, chunk, done)
+                    yield chunk, done
+                else:
+                    failures.append(done)  # raised after the end of those that run beside it
+        except working.deaths(work.backend) as error:
+            deaths[-1] += not begun  # a node died where workers were to start
+            if deaths[-1] == ATTEMPTS:
+                raise
+            for chunk in [one for one in begun if one.start in waiting]:
+                if chunk.path is not None and chunk.path.exists():
+                    yield waiting.pop(chunk.start), _load(chunk)
+                    continue
                 deaths[chunk.start] += 1
-                waiting.append(chunk)
                 if deaths[chunk.start] == ATTEMPTS:
                     what = f"its worker died {ATTEMPTS} times, and the last time of"
-                    failures.append(_failure(chunk, what, error))
-            elif error is not None:
-                failures.append(_failure(chunk, "got", error))
-            else:
-                done = future.result()
-                changed = _changed(work, done)
-                there = [n for n in changed if MISSING not in (done.read.get(n), content(n))]
-                if there:
-                    failures.append(
-                        InvalidInputError(
-                            f"{chunk}: {', '.join(there)} changed after it was read, expected it "
-                            "to stay; give the command again, in a new process"
-                        )
-                    )
-                    continue
-                if not changed:  # or a file came or went meanwhile: another run looks again
-                    _save(chunk, done)
-                finished.append((chunk, done))
-        yield from finished
-    if failures:  # after the end of those that ran beside it
-        raise failures[0]
+                    given_up.append(_failure(chunk, what, error))
+                    del waiting[chunk.start]
+        finally:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # that jobs were stopped
+                if results is not None:
+                    results.close()
+        if failures:
+            raise failures[0]
+    if given_up:
+        raise given_up[0]
 
 
-def _call(function: Callable[[J], Any], jobs: Sequence[J]) -> _Done:
-    """Run jobs, and record what they read."""
-    with opened.recorded() as read:
-        results = [function(job) for job in jobs]
-    return _Done(results, read)
+def _calls(
+    work: _Work, chunks: Sequence[Chunk], begun: list[Chunk], failures: Sequence[Exception]
+) -> Iterator[Any]:
+    """Yield the calls of chunks for joblib, and note each, until one has failed."""
+    for chunk in chunks:
+        if failures:
+            return
+        begun.append(chunk)
+        yield joblib.delayed(_call)(work, chunk)
 
 
-def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseException:
+def _call(work: _Work, chunk: Chunk) -> tuple[int, _Done | Exception]:
+    """Run the jobs of a chunk, save their results, and return its start and what came of it."""
+    try:
+        with opened.recorded() as read:
+            done = _Done([work.function(job) for job in chunk.jobs], read)
+        there = [
+            name for name in _changed(work, done) if MISSING not in (read.get(name), content(name))
+        ]
+        if there:
+            raise InvalidInputError(
+                f"{chunk}: {', '.join(there)} changed after it was read, expected it "
+                "to stay; give the command again, in a new process"
+            )
+        _save(work, chunk, done)
+    except Exception as error:  # of the function, or of the disk
+        return chunk.start, _failure(chunk, "got", error)
+    return chunk.start, done
+
+
+def _failure(chunk: Chunk, what: str, error: Exception) -> Exception:
     """Return an error of this package as it is, of any other one a sentence with its chunk."""
-    error = getattr(error, "cause", error)  # what was raised on a node of Ray
     if isinstance(error, HcbfError):
         return error
     reason = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
@@ -363,11 +375,13 @@ def _failure(chunk: Chunk, what: str, error: BaseException | None) -> BaseExcept
     return failure
 
 
-def _save(chunk: Chunk, done: _Done) -> None:
-    if chunk.path is not None:
-        chunk.path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(chunk.path) as partial:
-            joblib.dump(tuple(done), partial, compress=3)
+def _save(work: _Work, chunk: Chunk, done: _Done) -> None:
+    """Save results where the folder is, unless they are there, or a file came or went meanwhile."""
+    path = chunk.path
+    if path is None or path.exists() or not path.parent.is_dir() or _changed(work, done):
+        return
+    with whole(path) as partial:
+        joblib.dump(tuple(done), partial, compress=3)
 
 
 def _load(chunk: Chunk) -> _Done:

@@ -166,7 +166,7 @@ def evaluate(
         reads: files of the user's own that decide the episodes.
 
     Raises:
-        HcbfError: as `chunks.run` does.
+        HcbfError: as `Runs.over` does.
     """
     jobs = [Job(case, seed) for case in cases for seed in seeds]
     own = {case.env for case in cases if loading.is_function(case.env)}

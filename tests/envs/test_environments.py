@@ -181,12 +181,19 @@ def test_the_observation_is_what_the_documentation_says(env_id):
     assert info["tracking_error"] == pytest.approx(np.linalg.norm(wanted - position))
 
 
-@pytest.mark.parametrize("env_id", ENV_IDS)
-def test_gymnasiums_vector_environments_run_it(env_id):
+@pytest.mark.parametrize(
+    "make",
+    [
+        *(functools.partial(filtered, env_id) for env_id in ENV_IDS),
+        functools.partial(filtered, "HCBF-WalkerRegions-v0", robot="cart", scenario="random"),
+    ],
+    ids=[*ENV_IDS, "cart"],
+)
+def test_gymnasiums_vector_environments_run_it(make):
     # spawned, not forked: other tests of this process may have started JAX's threads
     spawned = functools.partial(gym.vector.AsyncVectorEnv, context="spawn")
     for vector in (gym.vector.SyncVectorEnv, spawned):
-        envs = vector([lambda: filtered(env_id), lambda: filtered(env_id)])
+        envs = vector([make] * 2)
         envs.reset(seed=0)
         for _ in range(3):
             _, reward, *_, info = envs.step(np.zeros((2, 2), dtype=np.float32))
