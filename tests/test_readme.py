@@ -206,11 +206,16 @@ HELP = (
 """What --help shows as an example, in a command."""
 
 
+@pytest.fixture(autouse=True)
+def families(monkeypatch):
+    """A registry of its own for each test: pages register a family of the same name."""
+    monkeypatch.setattr(scenarios, "_FAMILIES", scenarios._FAMILIES.copy())
+
+
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
     """A folder with the files that pages name."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(scenarios, "_FAMILIES", scenarios._FAMILIES.copy())
     names: dict = {}
     exec(blocks("docs/my_map.md", "python")[0], names)
     for mask in ("zones", "zone", "avoid", "school"):

@@ -352,9 +352,10 @@ def walk(
     made = [[region(kind, rng, d.moving) for kind in d.kinds] for _ in range(count)]
     numbers = np.array([[one[1] for one in scene] for scene in made])
     velocity = np.array([[one[2] for one in scene] for scene in made])
-    scenes = BarrierSet([[one[0] for one in scene] for scene in made])
+    listed = tuple(tuple(one[0] for one in scene) for scene in made)
+    scenes = BarrierSet(listed)
     kinds = np.array(d.kinds)
-    core = _core(d, scenes, count)
+    core = _core(d, listed, count)
     x = np.zeros((count, 4))
     x[:, :2] = rng.normal(0.0, 0.4, (count, 2))
     x[:, 2:] = rng.normal(0.0, 0.6, (count, 2)) * (rng.random((count, 1)) >= rest)
@@ -393,8 +394,8 @@ def walk(
         wanted = np.where(style[:, None] == 2, along, wanted)
         wanted = np.where(style[:, None] == 3, radius * sign[:, None] * normal, wanted)
         if step == 0:
-            core.begin(scenes, estimate, None, None)
-        u, report = core.step(wanted, scenes, estimate)
+            core.begin(listed, estimate, None, None)
+        u, report = core.step(wanted, listed, estimate)
         status = np.array(report["status"])
         bad = np.isin(status, [FilterStatus.VIOLATED, FilterStatus.UNSAFE, FilterStatus.BACKUP])
         violated += int(bad.sum())

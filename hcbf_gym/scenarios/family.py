@@ -102,9 +102,16 @@ class Family:
         """Refuse a `draw_many` that fills other scenes than `draw`, bit for bit.
 
         Raises:
-            InvalidInputError: if it does.
+            InvalidInputError: if it does, or fails.
         """
-        many = self.drawn([np.random.default_rng(seed) for seed in _TRIED])
+        try:
+            many = self.drawn([np.random.default_rng(seed) for seed in _TRIED])
+        except InvalidInputError:
+            raise
+        except Exception as error:  # of the user's function
+            raise InvalidInputError(
+                f"family {self.name!r}: draw_many: got {error!r}, expected it to fill N scenes"
+            ) from error
         for i, seed in enumerate(_TRIED):
             single = Scene.unfilled(self.shapes)
             self.draw(np.random.default_rng(seed), single)

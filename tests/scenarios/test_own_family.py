@@ -15,7 +15,7 @@ from hcbf_gym.evaluation.rollouts import Case, evaluate
 from hcbf_gym.scenarios import DISC, random_scenes
 
 ID, LIMIT = "HCBF-Regions-v0", 60
-POND = f"{Path(__file__).with_name('pond.py')}:pond"
+POND = f"{Path(__file__).with_name('tarn.py')}:tarn"
 SEEN = f"{POND}-seen"
 
 
@@ -154,8 +154,8 @@ def test_certify_runs_on_it(tmp_path, capsys):
     written = json.loads((tmp_path / "regions.json").read_text())
     (scene,) = written["plant"]["scene"]["any of"]
     assert scene == gym.make(ID, scenario=POND).unwrapped.declared["scene"]
-    assert scene.startswith("pond ")
-    assert Path(__file__).with_name("pond.py") in SceneFamily(ID, scenes=((POND, 1.0),)).files
+    assert scene.startswith("tarn ")
+    assert Path(__file__).with_name("tarn.py") in SceneFamily(ID, scenes=((POND, 1.0),)).files
 
 
 def test_shipped_families_take_a_cap_and_a_number_of_regions():
@@ -199,5 +199,5 @@ def test_what_is_no_family_is_refused():
     with pytest.raises(UnknownNameError, match="register"):
         scenarios.make(f"{POND}-frozen")
     with pytest.raises(InvalidInputError, match="imported"):
-        scenarios.make("nowhere.py:pond")
+        scenarios.make("nowhere.py:tarn")
     assert policies.PDTracker.for_env(gym.make(ID, scenario=POND)) is not None

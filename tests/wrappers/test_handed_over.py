@@ -198,7 +198,7 @@ def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
     """Whatever the other asks for between two lines."""
     rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
     mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
-    compare = general._same
+    compare = general.are_same
 
     def interrupted(one, other):
         found = compare(one, other)
@@ -206,7 +206,7 @@ def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
         return found
 
     rows.prepare(mine)
-    monkeypatch.setattr(general, "_same", interrupted)
+    monkeypatch.setattr(general, "are_same", interrupted)
     for _ in range(3):
         assert rows.prepare(mine).scenes[0][0] is mine[0][0]
 

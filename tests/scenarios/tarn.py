@@ -46,5 +46,5 @@ def costs(moment):
     return np.column_stack([moment.min_h.min(axis=1), np.abs(moment.x[:, 2])])
 
 
-scenarios.register("pond", draw, shapes=2 + PONDS, v_max=0.8, draw_many=draw_many)
-scenarios.register("pond-seen", draw, shapes=2 + PONDS, hooks=Hooks(observe, reward, costs))
+scenarios.register("tarn", draw, shapes=2 + PONDS, v_max=0.8, draw_many=draw_many)
+scenarios.register("tarn-seen", draw, shapes=2 + PONDS, hooks=Hooks(observe, reward, costs))
