@@ -42,13 +42,18 @@ class SceneReader:
         """
         if isinstance(barriers, BarrierSet):
             return self._of_environment(barriers)
-        if barriers is not self._fixed or barriers is None:
+        if barriers is None or not (barriers is self._fixed or self._is_last(barriers)):
             scenes = self._sequences(barriers)
             if not self._are_same(scenes):
                 self._read(scenes, barriers)
         if not all(_same(one.conditions, conditions) for one, conditions in self._several):
             self._read(self._scenes, barriers)
         return self._set
+
+    def _is_last(self, barriers: Any) -> bool:
+        """Return whether a list for all plants holds the objects that were read last."""
+        scenes = self._scenes
+        return type(barriers) is list and len(scenes) == 1 and _same(barriers, scenes[0])
 
     def _sequences(self, barriers: Any) -> Scenes:
         """Return one scene for all plants, or N, as tuples of elements.
