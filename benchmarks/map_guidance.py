@@ -61,7 +61,7 @@ def maps() -> dict[str, RankedMap]:
     for name in scenarios.names():
         if name.startswith("map-"):
             floor = scenarios.make(name, np.random.default_rng(0)).map
-            assert floor is not None
+            assert isinstance(floor, RankedMap)
             found[name.removeprefix("map-")] = floor
     return found
 

@@ -22,6 +22,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.row import descent
+from hcbf_gym.maps import RankedMap
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
@@ -57,7 +58,7 @@ def map_picture(path: Path, scene: str = "map-flat", seed: int = 3) -> None:
     """Draw the field of a floor plan, its level lines, and a way down it."""
     scenario = scenarios.make(scene, np.random.default_rng(seed))
     floor = scenario.map
-    assert floor is not None
+    assert isinstance(floor, RankedMap)
     way = guidance.Geodesic()
     way.reset(scenario.conditions, scenario.goal, clearance=0.3, start=scenario.start)
     view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]

@@ -120,7 +120,8 @@ def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Pla
     if isinstance(plant.model, DoubleIntegrator) and plant.model.n == 4:
         conditions, reads, along = scene.conditions(), scene.keeps_margin[0] > 0.0, scene.along
     else:
-        barriers = placing.as_of_zero(list(barriers))
+        listed: Any = given.listed[0]
+        barriers = placing.as_of_zero(list(listed))
         conditions = [Condition(b.name, b.priority) for b in barriers]
         reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
         along = lambda x, t: np.array([  # noqa: E731

@@ -60,8 +60,9 @@ class Stage:
             (region, self._draw_region(k, region, height, t))
             for k, (region, height) in enumerate(stacked(scenario))
         ]
-        if scenario.map is not self._floor:
-            self._show_map(scenario.map)
+        floor = scenario.map if isinstance(scenario.map, RankedMap) else None
+        if floor is not self._floor:
+            self._show_map(floor)
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
         line = np.array([[*scenario.reference(s)[0], HIGHEST + 0.005] for s in times])
         self._scene.add_line_segments(

@@ -116,6 +116,10 @@ def _transforming(env: Any) -> Any:
     return next(filter(None, map(_transforming, singles)), None)
 
 
+READERS_OF_ALL = {"eval", "exec", "locals", "vars"}
+"""What reads every argument of the function that calls it."""
+
+
 def reads(reader: object, at: int) -> bool:
     """Return whether a reader (env, observation, info) of a plant may read one of its arguments.
 
@@ -136,7 +140,7 @@ def reads(reader: object, at: int) -> bool:
     elif inspect.ismethod(reader):
         at += 1
     code = getattr(inspect.unwrap(reader), "__code__", None)
-    if code is None:
+    if code is None or not READERS_OF_ALL.isdisjoint(code.co_names):
         return True
     name = code.co_varnames[at] if at < code.co_argcount else None
     if name is None and code.co_flags & inspect.CO_VARARGS:

@@ -81,6 +81,7 @@ READING = {
     "an object": Reader(),
     "a method": Other().method,
     "a part": functools.partial(seen_by, "x"),
+    "all that is local": lambda env, observation, info: locals()["observation"],
     "code of C": max,
 }
 NOT_READING = {
