@@ -10,8 +10,14 @@ from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 
-HALF_PLANE, DISC, ELLIPSE, BOX = -1, 0, 1, 2
-"""Codes of shapes; one from 3 on is a regular polygon of so many corners."""
+HALF_PLANE = -1
+"""Code of a half-plane in `Scene.shapes`; those from 3 on are regular polygons of so many corners."""
+DISC = 0
+"""Code of a disc."""
+ELLIPSE = 1
+"""Code of an ellipse."""
+BOX = 2
+"""Code of a box."""
 SHAPE, X, Y, RADIUS, ASPECT, ANGLE = range(6)
 """Columns of `Scene.shapes`."""
 
