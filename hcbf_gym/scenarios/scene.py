@@ -11,7 +11,7 @@ from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 
 HALF_PLANE = -1
-"""Code of a half-plane in `Scene.shapes`; those from 3 on are regular polygons of so many corners."""
+"""Code of a half-plane in `Scene.shapes`; codes from 3 on are polygons of so many corners."""
 DISC = 0
 """Code of a disc."""
 ELLIPSE = 1
