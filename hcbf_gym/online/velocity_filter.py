@@ -572,8 +572,8 @@ class VelocityFilter:
             return None
         try:
             return self._listed(self.barriers)
-        except InvalidInputError:
-            return self.barriers
+        except InvalidInputError:  # the core names it; an environment's set it would take
+            return None if isinstance(self.barriers, BarrierSet) else self.barriers
 
     def _listed(self, barriers: object) -> tuple[Element, ...]:
         """Return barriers with the speed limit.

@@ -242,3 +242,42 @@ def test_an_estimate_of_all_is_read():
     many.reset()
     for u in inputs(model)[:5]:
         assert (many.step(u)[4]["safety_filter"]["reason"] == 0).all()
+
+
+class Gap(models.ControlAffine):
+    """A double integrator that has no f, or no g, between 0.05 and 0.09 m along x."""
+
+    def __init__(self, part, raises):
+        def of(name, value):
+            def answer(x):
+                if name == part and 0.05 < x[0] < 0.09:
+                    if raises:
+                        raise ValueError("no answer")
+                    return np.nan * value(x)
+                return value(x)
+
+            return answer
+
+        drift = of("f", lambda x: np.array([x[2], x[3], 0.0, 0.0]))
+        super().__init__(drift, of("g", lambda _: np.vstack([np.zeros((2, 2)), np.eye(2)])), 4, 2)
+
+
+@pytest.mark.parametrize("raises", [False, True])
+@pytest.mark.parametrize("part", ["f", "g"])
+@pytest.mark.parametrize("what", ["covariance", "lag"])
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_a_model_without_an_answer_where_margins_need_it_brakes_its_plant_alone(what, part, raises):
+    unknown = {"covariance": np.diag([5e-4, 5e-4, 0.0, 0.0]), "lag": np.array([0.07, 0, 0, 0])}[
+        what
+    ]
+    fields = np.stack([unknown, *[0.0 * unknown] * (N - 1)])
+    lies = lambda x, _: Estimate(x)._replace(**{what: fields})  # noqa: E731
+    world = Many(Gap(part, raises), SHARED, lies)
+    world.x = np.zeros((N, 4))
+    filtered = wrappers.VectorSafetyFilter(world)
+    filtered.reset(seed=0)
+    world.x = np.zeros((N, 4))
+    *_, info = filtered.step(np.zeros((N, 2)))
+    reason = info["safety_filter"]["reason"]
+    assert reason.tolist() == [Reason.BARRIERS, *[Reason.NONE] * (N - 1)]
+    assert info["safety_filter"]["status"][0] == FilterStatus.BACKUP

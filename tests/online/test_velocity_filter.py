@@ -9,7 +9,7 @@ import pytest
 
 import hcbf_gym
 from hcbf_gym import certificates, scenarios
-from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
+from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane, SpeedLimit
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import tracked
 from hcbf_gym.envs.walker_physics import WalkerPhysics
@@ -317,3 +317,13 @@ def test_what_the_environment_derives_of_a_body_is_held_outside_here_too(name):
         for radius in (None, 0.0)
     )
     assert whole - point == pytest.approx(derived)
+
+
+def test_scenes_of_an_environment_are_refused_and_never_lose_the_speed_limit():
+    door = VelocityFilter("cart", [], period=0.05, v_max=0.8)
+    door.step((0.6, 0.0), *AT_REST, 0.0)
+    door.barriers = BarrierSet([[Disc("far", 1, center=(50.0, 0.0), radius=1.0)]], is_placed=True)
+    with pytest.warns(SafetyWarning, match="brakes"):
+        command, report = door.step((0.6, 0.0), *AT_REST, 0.05)
+    np.testing.assert_array_equal(command, np.zeros(2))
+    assert report["reason"] == Reason.BARRIERS

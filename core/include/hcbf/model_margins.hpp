@@ -1,6 +1,7 @@
 // Margins of the rows of N plants of any model; `margins` has the equation.
 #pragma once
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include <hcbf/general_rows.hpp>
@@ -137,6 +138,16 @@ class Reserve {
     if (std::any_of(lag_.begin(), lag_.end(), [](double each) { return each != 0.0; })) compare(own);
     const bool exact = std::all_of(state_.begin(), state_.end(), [](double each) { return each == 0.0; });
     if (!exact && settings.confidence > 0.0) spread();
+  }
+
+  // Whether the model answers wherever the margins of plant i ask about it.
+  bool is_known(Index i) const {
+    const auto are_finite = [i, this](const std::vector<double>& each) {
+      const Index size = static_cast<Index>(each.size()) / count_;
+      const double* first = each.data() + i * size;
+      return std::all_of(first, first + size, [](double one) { return std::isfinite(one); });
+    };
+    return are_finite(slip_) && are_finite(drift_) && are_finite(turns_);
   }
 
   Cube<const double> drift() const { return {drift_.data(), count_, model_.n, model_.n}; }

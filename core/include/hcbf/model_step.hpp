@@ -97,15 +97,16 @@ class Step {
       state_check::replace_all(sensed, states, told);
     }
     model_.terms(states.x, f(f_), g(g_));
+    reserve_.know(states.x, states.model, states.lag, states.covariance);
     for (Index i = 0; i < count_; ++i) {
-      if (!step::is_finite({f_.data() + i * model_.n, model_.n}) ||
-          !step::is_finite({g_.data() + i * model_.n * model_.n_u, model_.n * model_.n_u})) {
-        if (told[i].reason == 0) told[i].reason = reason::BARRIERS;
+      const bool is_known = step::is_finite({f_.data() + i * model_.n, model_.n}) &&
+                            step::is_finite({g_.data() + i * model_.n * model_.n_u, model_.n * model_.n_u});
+      if (!is_known)
         std::fill_n(f(f_)[i].data, model_.n, 0.0), std::fill_n(g(g_)[i].data, model_.n * model_.n_u, 0.0);
-      }
+      if (told[i].reason == 0 && !(is_known && (!parts || reserve_.is_known(i))))
+        told[i].reason = reason::BARRIERS;
       believed_[i] = told[i].reason == 0;
     }
-    reserve_.know(states.x, states.model, states.lag, states.covariance);
     if (parts) state_check::grow_all(sensed, told, reserve_.drift(), model_.n_p);
     watch(sensed, states, parts);
     if (settings_.period > 0.0) brake(sensed, states);
