@@ -1,4 +1,4 @@
-"""A robot's odometry: the newest of it, brought to the present, and compared with what was told."""
+"""A robot's odometry: the newest of it, propagated to the present, and monitored."""
 
 import math
 
@@ -9,10 +9,9 @@ from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.models.clocks import AHEAD, ROUNDING
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.online.follower import Follower
-from hcbf_gym.online.motion_monitor import MotionMonitor
 from hcbf_gym.online.robot import Robot
 from hcbf_gym.online.sample import Sample, moved
-from hcbf_gym.robots.response_monitor import ResponseMonitor
+from hcbf_gym.robots.motion_monitor import MotionMonitor
 
 CARRIED_FOR = 5.0
 """A twist tells as much of older data as what the robot was told since [s]."""
@@ -34,8 +33,7 @@ class Odometry:
 
     def __init__(self, robot: Robot, follower: Follower, strays: float, period: float):
         self._follower, self._strays, self._period = follower, strays, period
-        self._response = ResponseMonitor(robot.command, robot.response)
-        self._motion = MotionMonitor(period, strays)
+        self._monitor = MotionMonitor(robot.command, robot.response, 1.0, period, strays)
         self.forget()
 
     def forget(self) -> None:
@@ -48,15 +46,14 @@ class Odometry:
 
     def compare_anew(self) -> None:
         """Forget what was compared: time has gone back."""
-        self._response.forget()
-        self._motion.forget()
+        self._monitor.reset()
 
     def go_on_from(self, other: "Odometry") -> None:
         """Take over what is known; the other is not to be used on."""
         self.told, self.fault = other.told, other.fault
         self._newest, self._stamp = other._newest, other._stamp
         self._missed_by = other._missed_by
-        self._response, self._motion = other._response, other._motion
+        self._monitor = other._monitor
 
     def newest(self, given: Sample, now: float) -> Sample:
         """Return the newest data that were not from the future: what was given, or what was kept.
@@ -77,23 +74,21 @@ class Odometry:
         return self._newest
 
     def watch(self, sample: Sample) -> None:
-        """Raise an alarm where what was measured is not what the robot was told.
+        """Raise an alarm where the measured motion is not the predicted one.
 
         Args:
-            sample: in a frame in which the pose goes on smoothly.
+            sample: in a frame in which the pose is continuous.
         """
         measured = self._follower.measured(sample.place, sample.motion)
-        drifts = self._motion.observe(measured, sample.stamp)
-        at = np.array([*self._motion.place, sample.place[2]])
-        strays = self._response.observe(at, measured[2:], sample.stamp, self._motion.noise)
-        if self.fault == Reason.NONE and (strays or drifts):
-            self.fault = Reason.RESPONSE if strays else Reason.MOTION
+        pose = np.array([measured[0], measured[1], sample.place[2]])
+        reason = self._monitor.observe(pose, measured[2:], sample.stamp)
+        self.fault = self.fault or reason
 
     def tell(self, told: Array, now: float) -> None:
         """Note what the robot is told from now on [s], where the clocks say when that is."""
         self.told = told
         if math.isfinite(now):
-            self._response.tell(told, now, now + self._period)
+            self._monitor.command(told, now, now + self._period)
 
     def carried(self, place: Array, motion: Array, since: float, now: float) -> tuple[Array, Array]:
         """Return pose and twist now of a robot that was measured before; note what they may miss.
@@ -109,11 +104,11 @@ class Odometry:
         """
         straight = moved(place, motion, now - since)
         missed_by = 0.5 * self._strays * (now - since) ** 2
-        if not self._response.is_measured or now - since > CARRIED_FOR:
+        if not self._monitor.is_measured or now - since > CARRIED_FOR:
             self._missed_by = max(self._missed_by, missed_by)
             return straight, motion
         place, motion = place.copy(), motion.copy()
-        off = self._response.carry(place, motion, since, now)
+        off = self._monitor.propagate(place, motion, since, now)
         measured = self._follower.measured
         apart = (measured(place, motion) - measured(straight, motion))[:2]
         self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))

@@ -48,7 +48,7 @@ struct Arrival {  // what seems to have become of the chosen input
 struct Seen {  // two samples
   Sample now, last;
   Arrival arrival;    // of the input between them
-  Cube<double> sums;  // (N, 3, n) r, m and m', written to
+  Cube<double> sums;  // (N, 2, n) r and m', written to
 };
 
 struct Room {  // for one plant after the other
@@ -188,7 +188,7 @@ inline bool misses(const Watched& watched, plants::Plant& plant, Matrix<const do
   if (!std::isfinite(error)) return false;
   const double least = 2.0 * (confidence * confidence) * noisy / (period * period);
   if (monitor::SHARE * monitor::SHARE * chosen <= least && noisy > 0.0) chosen = 0.0;
-  return monitor::account(plant.watched, error, chosen, period / monitor::WINDOW, watched.radius);
+  return monitor::account(plant.inputs, error, chosen, period / monitor::WINDOW, watched.radius);
 }
 
 // Takes Π v in the place of v (n,); g counts in the steered states alone. `scratch` (n,) is written to.
@@ -203,16 +203,16 @@ inline void unreached(Matrix<const double> g, Vector<const bool> steered, Matrix
   }
 }
 
-// tr(Π P Π); Π is symmetric, so that it is tr(Π P). `parts` (4, n) is written to.
+// tr(Π P Π); Π is symmetric, so that it is tr(Π P). `column` and `scratch` (n,) are written to.
 inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered,
                               Matrix<const double> to_input, Matrix<const double> covariance,
-                              Matrix<double> parts) {
+                              Vector<double> column, Vector<double> scratch) {
   double trace = 0.0;
   for (Index k = 0; k < covariance.rows; ++k) {
     if (covariance(k, k) == 0.0) continue;
-    for (Index q = 0; q < covariance.rows; ++q) parts(0, q) = covariance(q, k);
-    unreached(g, steered, to_input, parts[0], parts[3]);
-    trace += parts(0, k);
+    for (Index q = 0; q < covariance.rows; ++q) column[q] = covariance(q, k);
+    unreached(g, steered, to_input, column, scratch);
+    trace += column[k];
   }
   return std::max(0.0, trace);
 }
@@ -221,6 +221,7 @@ inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered
 inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, const Seen& seen,
                       Matrix<const double> covariance, Matrix<double> parts) {
   const Sample &now = seen.now, &last = seen.last;
+  const Matrix<double> sums = seen.sums[i];
   const Arrival& arrival = seen.arrival;
   const Vector<const double> x = now.body[i], before = last.body[i];
   const Matrix<const double> g = last.g[i], to_input = arrival.to_input[i];
@@ -243,21 +244,11 @@ inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, con
     total += parts(0, k) + parts(1, k) + parts(2, k);
   }
   if (!std::isfinite(total + change)) return false;
-  const Matrix<double> sums = seen.sums[i];
-  const double left = monitor::fade(watched.period);
-  double off = 0.0, moved = 0.0, meant = 0.0;
-  for (Index k = 0; k < x.size; ++k) {
-    sums(0, k) = left * sums(0, k) + parts(0, k);
-    sums(1, k) = left * sums(1, k) + parts(1, k) + parts(0, k);
-    sums(2, k) = left * sums(2, k) + parts(1, k);
-    off += sums(0, k) * sums(0, k);
-    moved += sums(1, k) * sums(1, k);
-    meant += sums(2, k) * sums(2, k);
-  }
   const double rest = STILL * monitor::WINDOW * std::sqrt(driven) + ROUNDING * size;
-  const double unknown = unreached_trace(g, watched.steered, to_input, covariance, parts);
-  return monitor::strays(plant.watched, std::sqrt(off), std::sqrt(std::max(moved, meant)), std::sqrt(change),
-                         rest, watched.confidence * std::sqrt(unknown), watched.period);
+  const double unknown = unreached_trace(g, watched.steered, to_input, covariance, parts[2], parts[3]);
+  const double spread = watched.confidence * std::sqrt(unknown);
+  return monitor::strays(plant.motion, &sums(0, 0), &sums(1, 0),
+                         {parts[0], parts[1], std::sqrt(change), rest, spread, watched.period});
 }
 
 // Accounts for a sample of N plants, and raises their alarms. `covariance` (N, n, n): of x, 0 where that

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.robots.response_monitor import SHARE
+from hcbf_gym.robots.motion_monitor import SHARE
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import LASTING, Response
 from hcbf_gym.studies.identification.model import Fit, fit, late, respond

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym.robots import Walker
-from hcbf_gym.robots.response_monitor import ResponseMonitor
+from hcbf_gym.robots.motion_monitor import MotionMonitor
 from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import Response
 
@@ -24,7 +24,7 @@ def alarmed(
     rng = np.random.default_rng(seed)
     response = HOLONOMIC.response
     assert response is not None
-    monitor = ResponseMonitor(HOLONOMIC.command, response if known else None)
+    monitor = MotionMonitor(HOLONOMIC.command, response if known else None)
     velocity, place, command, told = np.zeros(2), np.zeros(2), np.zeros(3), []
     time, alarm = 0.0, False
     for k in range(round(seconds / PERIOD)):
@@ -32,8 +32,8 @@ def alarmed(
             angle = rng.uniform(-math.pi, math.pi)
             command = 0.8 * np.array([math.cos(angle), math.sin(angle), 0.0])
         if rng.random() >= lost:
-            alarm |= monitor.observe(np.array([*place, 0.0]), velocity, time)
-        monitor.tell(command, time)
+            alarm |= bool(monitor.observe(np.array([*place, 0.0]), velocity, time))
+        monitor.command(command, time)
         told.append(share * command[:2] * np.array(response.gain[:2]))
         goal = told[max(0, k - late)] if k >= late else np.zeros(2)
         cos, sin = math.cos(turned), math.sin(turned)
@@ -95,14 +95,14 @@ def test_half_or_twice_of_a_command_for_2_s_at_half_speed_is_never_silent(
     sways = 0.01 * command.forward
     residual = 0.0, 2.0 * sways, 5.0 * sways
     known = replace(LATE, gain=(), delay=0.0, sway=sways, residual=residual) if response else None
-    monitor, place, speed = ResponseMonitor(command, known), 0.0, 0.0
+    monitor, place, speed = MotionMonitor(command, known), 0.0, 0.0
     told, alarmed = share * command.forward * np.eye(len(command.limits))[0], math.inf
     tau = 0.3 if response is None else LATE.time_constant
     for k in range(round(8.0 / PERIOD)):
         now, fault = PERIOD * k, does if k * PERIOD >= 4.0 else 1.0
         if monitor.observe(np.array([place, 0.0, 0.0]), np.array([speed, 0.0]), now):
             alarmed = min(alarmed, now)
-        monitor.tell(told, now, now + 1.5 * PERIOD)
+        monitor.command(told, now, now + 1.5 * PERIOD)
         left, goal = math.exp(-PERIOD / tau), fault * told[0]
         place += PERIOD * goal + (speed - goal) * tau * (1.0 - left)
         speed = goal + (speed - goal) * left
@@ -112,23 +112,23 @@ def test_half_or_twice_of_a_command_for_2_s_at_half_speed_is_never_silent(
 def test_a_response_with_complaints_hides_no_half_of_its_own_gain():
     command = Command(1.0, 2.0, sideways=1.0)
     for does in (0.5, 1.0):
-        monitor, place = ResponseMonitor(command, COMPLAINED_OF), 0.0
+        monitor, place = MotionMonitor(command, COMPLAINED_OF), 0.0
         alarms = []
         for k in range(200):
             alarms.append(monitor.observe(np.array([place, 0.0, 0.0]), np.zeros(2), PERIOD * k))
-            monitor.tell(np.array([0.8, 0.0, 0.0]), PERIOD * k)
+            monitor.command(np.array([0.8, 0.0, 0.0]), PERIOD * k)
             place += PERIOD * 0.4 * 0.8 * (does if k > 80 else 1.0)
         assert any(alarms) == (does == 0.5)
 
 
 def test_a_pause_and_a_jump_begin_anew():
-    monitor = ResponseMonitor(Command(1.0, 1.0, sideways=1.0), HOLONOMIC.response)
+    monitor = MotionMonitor(Command(1.0, 1.0, sideways=1.0), HOLONOMIC.response)
     for k, x in enumerate((0.0, 5.0, -3.0, 8.0)):
         assert not monitor.observe(np.array([x, 0.0, 0.0]), np.zeros(2), 0.05 * k)
     for time in (3600.0, 0.1):  # a clock that jumps ahead and comes back
         assert not monitor.observe(np.zeros(3), np.zeros(2), time)
     for k in range(100):
-        monitor.tell(np.array([1.0, 0.0, 0.0]), 0.1 + 0.02 * k)
+        monitor.command(np.array([1.0, 0.0, 0.0]), 0.1 + 0.02 * k)
         alarm = monitor.observe(np.zeros(3), np.zeros(2), 0.1 + 0.02 * (k + 1))
     assert alarm
 
@@ -141,13 +141,13 @@ LATE = Response(
 
 def test_a_robot_is_carried_on_by_what_it_was_told():
     command, rng = Command(1.0, 2.0, look_ahead=0.2), np.random.default_rng(1)
-    monitor, fine = ResponseMonitor(command, LATE), 0.001
+    monitor, fine = MotionMonitor(command, LATE), 0.001
     pose, twist, told, seen = np.zeros(3), np.zeros(3), [np.zeros(2)] * 70, {}
     one = np.zeros(2)
     for k in range(2000):
         if k % 50 == 0:  # as hard as it brakes
             one = np.clip(one + rng.uniform(-0.14, 0.16, 2), -command.limits, command.limits)
-            monitor.tell(one, fine * k, fine * (k + 50))
+            monitor.command(one, fine * k, fine * (k + 50))
         told.append(one)
         seen[k] = pose.copy(), twist.copy()
         goal = np.array(LATE.gain) * told[k]
@@ -159,7 +159,7 @@ def test_a_robot_is_carried_on_by_what_it_was_told():
             ages = {0: 0.0, 20: 0.02, 190: 0.19, 400: 0.4}
             for back, age in ages.items():
                 at, moves = (one.copy() for one in seen[k - back])
-                may_miss = monitor.carry(at, moves, fine * (k - back), fine * k)
+                may_miss = monitor.propagate(at, moves, fine * (k - back), fine * k)
                 np.testing.assert_allclose(at, seen[k][0], atol=5e-3)
                 np.testing.assert_allclose(moves, seen[k][1], atol=3e-2)
                 assert np.linalg.norm((at - seen[k][0])[:2]) <= may_miss + 1e-9
@@ -170,19 +170,19 @@ def test_what_a_command_that_is_not_renewed_may_still_do_is_reserved():
     command = Command(1.0, 2.0, look_ahead=0.2)
     reserved = []
     for lapse in (0.0, 0.02):
-        monitor = ResponseMonitor(command, LATE)
+        monitor = MotionMonitor(command, LATE)
         for k in range(20):
             time = k * (0.05 + lapse)
-            monitor.tell(np.array([1.0, 0.0]), time, time + 0.05)
+            monitor.command(np.array([1.0, 0.0]), time, time + 0.05)
         at, moves = np.zeros(3), np.zeros(3)
-        reserved.append(monitor.carry(at, moves, time - 0.3, time))
+        reserved.append(monitor.propagate(at, moves, time - 0.3, time))
     assert reserved[1] > reserved[0] + 0.05
 
 
 @pytest.mark.parametrize("late", [0.0, 0.15])
 def test_late_odometry_of_commands_that_lapse_is_no_alarm(late):
     monitor, place, moves, past = (
-        ResponseMonitor(HOLONOMIC.command, HOLONOMIC.response),
+        MotionMonitor(HOLONOMIC.command, HOLONOMIC.response),
         0.0,
         0.0,
         [],
@@ -192,7 +192,7 @@ def test_late_odometry_of_commands_that_lapse_is_no_alarm(late):
         past.append((time, place, moves))
         stamp, at, was = next((p for p in reversed(past) if p[0] <= time - late), past[0])
         assert not monitor.observe(np.array([at, 0.0, 0.0]), np.array([was, 0.0]), stamp)
-        monitor.tell(wanted, time, time + 0.05)
+        monitor.command(wanted, time, time + 0.05)
         left = math.exp(-0.06 / 0.056)
         place += wanted[0] * 0.06 + (moves - wanted[0]) * 0.056 * (1.0 - left)
         moves = wanted[0] + (moves - wanted[0]) * left
@@ -201,13 +201,13 @@ def test_late_odometry_of_commands_that_lapse_is_no_alarm(late):
 @pytest.mark.parametrize("gap", [1, 12])
 def test_a_stop_at_once_takes_the_way_that_brakes_need(gap):
     response = replace(LATE, time_constant=0.02, delay=0.0, gain=())
-    monitor, place, speed = ResponseMonitor(Command(1.2, 2.0, look_ahead=0.2), response), 0.0, 0.0
+    monitor, place, speed = MotionMonitor(Command(1.2, 2.0, look_ahead=0.2), response), 0.0, 0.0
     for k in range(200):
         told = 1.2 * (k % 40 >= 20)
         if k % gap == 0:
             at, velocity = np.array([place, 0.0, 0.0]), np.array([speed, 0.0])
             assert not monitor.observe(at, velocity, 0.05 * k)
-        monitor.tell(np.array([told, 0.0]), 0.05 * k)
+        monitor.command(np.array([told, 0.0]), 0.05 * k)
         for _ in range(10):
             speed += float(np.clip(told - speed, -0.015, 0.015))  # 3 m/s²
             place += 0.005 * speed
@@ -217,11 +217,11 @@ def test_the_first_command_after_a_change_of_filters_is_a_step_that_nobody_can_f
     """A robot that moves is told to turn back at once: it brakes as it was measured to."""
     command = Command(forward=1.0, turn=2.0, look_ahead=0.2)
     measured = Response(time_constant=0.02, delay=0.0, sway=0.004, braking=3.5, residual=(0, 0, 0))
-    monitor, x, v = ResponseMonitor(command, measured), 0.0, 0.5
+    monitor, x, v = MotionMonitor(command, measured), 0.0, 0.5
     for k in range(60):
         pose, velocity = np.array([x, 0.0, 0.0]), np.array([v, 0.0])
         assert not monitor.observe(pose, velocity, 0.02 * k), k
-        monitor.tell(np.array([-0.1, 0.0]), 0.02 * k, 0.02 * k + 0.05)
+        monitor.command(np.array([-0.1, 0.0]), 0.02 * k, 0.02 * k + 0.05)
         change = max(-0.02 * 3.5, -0.1 - v)
         x, v = x + 0.02 * (v + 0.5 * change), v + change
 
@@ -237,13 +237,13 @@ FAST = Response(
 @pytest.mark.parametrize("period", [0.05, 0.13])
 def test_a_robot_that_needs_its_braking_to_follow_rare_commands_is_no_alarm(period, lapse):
     command, rng, fine = Command(1.2, 2.5, look_ahead=0.25), np.random.default_rng(7), 0.005
-    monitor, place, speed, told, worst = ResponseMonitor(command, FAST), 0.0, 0.0, 0.0, 0.0
+    monitor, place, speed, told, worst = MotionMonitor(command, FAST), 0.0, 0.0, 0.0, 0.0
     for k in range(300):
         time = k * (period + lapse)
         asked = rng.choice([-1.2, 0.0, 1.2])
         change = FAST.braking * period
         told = 0.0 if rng.random() < 0.2 else float(np.clip(asked, told - change, told + change))
-        monitor.tell(np.array([told, 0.0]), time, time + period)
+        monitor.command(np.array([told, 0.0]), time, time + period)
         goes_on = rng.random() < 0.5  # beyond the time until which the command is good
         for j in range(round((period + lapse) / fine)):
             ends = j * fine >= period and not goes_on
@@ -252,10 +252,10 @@ def test_a_robot_that_needs_its_braking_to_follow_rare_commands_is_no_alarm(peri
             place += fine * speed
         at, moves = np.array([place, 0.0, 0.0]), np.array([speed, 0.0])
         assert not monitor.observe(at, moves, time + period + lapse)
-        worst = max(worst, monitor.worst)
+        worst = max(worst, monitor._notes[0]["worst"])
     assert worst > 0.2
     stands = [
-        (monitor.tell(np.array([1.0, 0.0]), time + (period + lapse) * (k + 1), time + 99.0),
+        (monitor.command(np.array([1.0, 0.0]), time + (period + lapse) * (k + 1), time + 99.0),
          monitor.observe(at, np.zeros(2), time + (period + lapse) * (k + 2)))[1]
         for k in range(20)
     ]  # fmt: skip
@@ -265,17 +265,17 @@ def test_a_robot_that_needs_its_braking_to_follow_rare_commands_is_no_alarm(peri
 def test_a_clock_that_counts_from_1970_changes_nothing():
     seen = []
     for shift in (0.0, 1.7e9):
-        monitor = ResponseMonitor(Command(1.2, 2.5, look_ahead=0.25), FAST)
+        monitor = MotionMonitor(Command(1.2, 2.5, look_ahead=0.25), FAST)
         rng = np.random.default_rng(3)
         place, worst = 0.0, []
         for k in range(100):
             told = float(rng.uniform(-1.0, 1.0))
-            monitor.tell(np.array([told, 0.0]), shift + k / 8.0, shift + k / 8.0 + 1.0 / 16.0)
+            monitor.command(np.array([told, 0.0]), shift + k / 8.0, shift + k / 8.0 + 1.0 / 16.0)
             place += told / 16.0
             if k % 10 < 5:  # after a pause it begins anew, in the midst of commands that lapse
                 at, moves = np.array([place, 0.0, 0.0]), np.array([told, 0.0])
                 monitor.observe(at, moves, shift + k / 8.0 + 1.0 / 32.0)
-                worst.append(monitor.worst)
+                worst.append(monitor._notes[0]["worst"])
         seen.append(worst)
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
     assert max(seen[0]) > 0.05
