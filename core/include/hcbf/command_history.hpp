@@ -8,7 +8,8 @@
 
 namespace hcbf::command_history {
 
-constexpr Index HELD = 256;  // commands that are remembered: the delay's worth of the fastest controller
+constexpr Index HELD = 256;     // commands that are remembered: the delay's worth of the fastest controller
+constexpr double PIECE = 0.05;  // over which a propagated robot turns around the mean of its headings [s]
 
 struct Commands {
   double since[HELD];     // [s]
@@ -128,9 +129,14 @@ inline Motion at_once(Commands& all, double start, double end) {
 }
 
 struct Followed {
-  Motion path;    // ∫v̂ dt [m]
+  Motion path;    // ∫v̂ dt [m], in the robot's axes
   double length;  // ∫‖v̂‖ dt [m]
   double doubt;   // what is unknown: of commands not renewed, and of those beyond the robot's braking [m]
+
+  void add(Motion went, double unknown) {
+    path.ahead += went.ahead, path.aside += went.aside;
+    length += went.length(), doubt += unknown;
+  }
 };
 
 // Lets v̂ follow the commands from a time to another.
@@ -145,11 +151,37 @@ inline Followed follow(Commands& all, const Response& response, double start, do
     const double left = std::exp(-span / tau);
     const double x = all.velocity[0] - forward, y = all.velocity[1] - sideways;
     const Motion went{forward * span + x * tau * (1.0 - left), sideways * span + y * tau * (1.0 - left)};
-    sum.path.ahead += went.ahead;
-    sum.path.aside += went.aside;
-    sum.length += went.length();
-    sum.doubt += doubt_of(all, response, all.acting, span, went, all.braked);
+    sum.add(went, doubt_of(all, response, all.acting, span, went, all.braked));
     all.velocity[0] = forward + x * left, all.velocity[1] = sideways + y * left;
+  });
+  return sum;
+}
+
+// Propagates a robot by its commands. `ahead`: of the point that follows before the centre [m]; `pose` (3,)
+// and `twist` (3,): of the centre, at the time `since`, written to; `now`: the present [s].
+inline Followed propagate(Commands& all, const Response& response, double ahead, double* pose, double* twist,
+                          double since, double now) {
+  const double tau = std::max(response.tau, 1e-6);
+  double goal[3] = {}, moved[3] = {}, braked[2] = {twist[0], twist[1] + ahead * twist[2]};
+  Followed sum{{0.0, 0.0}, 0.0, 0.0};
+  Index renewed = acting_at(all, response.delay, since);
+  spans(all, response.delay, PIECE, since, now, [&](Index acting, double span) {
+    while (renewed < acting) renew(all, response, ++renewed, braked);
+    if (acting > 0) {
+      std::copy_n(all.moves(acting - 1), 3, goal);
+      goal[1] -= ahead * goal[2];  // of the centre
+    }
+    const double left = std::exp(-span / tau);
+    for (int k = 0; k < 3; ++k) {
+      const double off = twist[k] - goal[k];
+      moved[k] = goal[k] * span + off * tau * (1.0 - left), twist[k] = goal[k] + off * left;
+    }
+    const double middle = pose[2] + 0.5 * moved[2], cos = std::cos(middle), sin = std::sin(middle);
+    pose[0] += cos * moved[0] - sin * moved[1];
+    pose[1] += sin * moved[0] + cos * moved[1];
+    pose[2] += moved[2];
+    const Motion went{moved[0], moved[1] + ahead * moved[2]};
+    sum.add(went, doubt_of(all, response, acting, span, went, braked));
   });
   return sum;
 }

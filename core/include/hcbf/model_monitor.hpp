@@ -10,13 +10,12 @@
 #include <vector>
 
 #include <hcbf/monitor.hpp>
+#include <hcbf/pseudo_inverse.hpp>
 
 namespace hcbf::model_monitor {
 
 constexpr double STILL = 0.002;    // of what the largest inputs change in τ: a smaller motion is rounding
 constexpr double ROUNDING = 1e-9;
-constexpr double EPSILON = 1e-15;  // of `pseudo_inverse`
-constexpr int MOST_SWEEPS = 30;
 constexpr double WRAPPED = 0.5;    // how near to a whole turn a jump must be to be one [rad]
 constexpr double TURN = 6.283185307179586;
 
@@ -75,63 +74,6 @@ inline double missed(double x, double expected) {
   return std::abs(turned) < WRAPPED ? turned : missed;
 }
 
-// Turns two columns.
-inline void turn(Matrix<double> part, Index i, Index j, double cos, double tan) {
-  for (Index k = 0; k < part.rows; ++k) {
-    const double first = part(k, i), second = part(k, j);
-    part(k, i) = cos * (first - tan * second);
-    part(k, j) = cos * (second + tan * first);
-  }
-}
-
-// The squared length of a column.
-inline double squared(Matrix<const double> columns, Index j) {
-  double sum = 0.0;
-  for (Index k = 0; k < columns.rows; ++k) sum += columns(k, j) * columns(k, j);
-  return sum;
-}
-
-// Writes g⁺ (n_u, n) of g (n, n_u): pairs of columns are turned until all are orthogonal (Jacobi), then
-// g⁺ = V diag(1/σ²) (g V)ᵀ with σ their lengths; those below EPSILON of the greatest count as 0.
-// `columns` (n, n_u) and `turns` (n_u, n_u) are written to.
-inline void pseudo_inverse(Matrix<const double> g, Matrix<double> out, Matrix<double> columns,
-                           Matrix<double> turns) {
-  const Index n = g.rows, n_u = g.columns;
-  std::copy_n(g.data, n * n_u, columns.data);
-  std::fill_n(turns.data, n_u * n_u, 0.0);
-  for (Index j = 0; j < n_u; ++j) turns(j, j) = 1.0;
-  bool still = false;
-  for (int sweep = 0; sweep < MOST_SWEEPS && !still; ++sweep) {
-    still = true;
-    for (Index i = 0; i < n_u; ++i)
-      for (Index j = i + 1; j < n_u; ++j) {
-        double a = 0.0, b = 0.0, along = 0.0;
-        for (Index k = 0; k < n; ++k) {
-          a += columns(k, i) * columns(k, i);
-          b += columns(k, j) * columns(k, j);
-          along += columns(k, i) * columns(k, j);
-        }
-        if (!(std::abs(along) > EPSILON * std::sqrt(a * b))) continue;
-        still = false;
-        const double twist = (b - a) / (2.0 * along);
-        double tan = 1.0 / (std::abs(twist) + std::sqrt(1.0 + twist * twist));
-        if (!(twist >= 0.0)) tan = -tan;
-        const double cos = 1.0 / std::sqrt(1.0 + tan * tan);
-        turn(columns, i, j, cos, tan);
-        turn(turns, i, j, cos, tan);
-      }
-  }
-  double largest = 0.0;
-  for (Index j = 0; j < n_u; ++j) largest = std::max(largest, squared(columns, j));
-  std::fill_n(out.data, n_u * n, 0.0);
-  for (Index j = 0; j < n_u; ++j) {
-    const double size = squared(columns, j);
-    if (!(size > EPSILON * EPSILON * largest)) continue;
-    for (Index i = 0; i < n_u; ++i)
-      for (Index k = 0; k < n; ++k) out(i, k) += turns(i, j) / size * columns(k, j);
-  }
-}
-
 // Writes û and g⁺, and returns whether any input seems to differ from the chosen one. `believed` (N,):
 // whether this sample is valid; `x` (N, n): states of the bodies; `g` (N, n, n_u): at the sample before;
 // `arrival.body` holds where u leads.
@@ -145,7 +87,7 @@ inline bool arrivals(const Watched& watched, Records<plants::Plant> plants, Vect
     if (!compares(watched, plants[i], believed[i])) continue;
     for (Index k = 0; k < n; ++k)
       for (Index j = 0; j < n_u; ++j) steered(k, j) = watched.steered[k] ? g(i, k, j) : 0.0;
-    pseudo_inverse(steered, arrival.to_input[i], room.columns(), room.turns());
+    pseudo_inverse::write(steered, arrival.to_input[i], room.columns(), room.turns());
     double furthest = 0.0;
     for (Index j = 0; j < n_u; ++j) {
       double off = 0.0;
@@ -261,7 +203,7 @@ inline void observe(const Watched& watched, Records<plants::Plant> plants, Vecto
     if (!believed[i]) continue;
     if (plant.fault >= reason::FIRST_ALARM) monitor::latch(plant, plant.fault);
     if (compares(watched, plant, true)) {
-      pseudo_inverse(seen.last.g_model[i], inverse, room.columns(), room.turns());
+      pseudo_inverse::write(seen.last.g_model[i], inverse, room.columns(), room.turns());
       const double noisy = plant.has_model ? 0.0 : trace(inverse, covariance[i]);
       const Arrival& arrival = seen.arrival;
       if (misses(watched, plant, inverse, seen.now.model[i], arrival.model[i], arrival.chosen[i], noisy))

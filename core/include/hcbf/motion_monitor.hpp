@@ -31,7 +31,6 @@ constexpr double FILLED = 0.6;    // share of the shortest window that must have
 constexpr double PAUSE = 0.5;     // between two samples, forth or back, after which all starts anew [s]
 constexpr double LEAP = 0.2;      // that a position may be off within one sample [m] …
 constexpr double FASTEST = 3.0;   // … beside so many times the greatest speed: beyond, it was put elsewhere
-constexpr double PIECE = 0.05;    // over which a propagated robot turns around the mean of its headings [s]
 constexpr double TURN = 6.283185307179586;
 constexpr double NOISE = 0.02, NOISIEST = 0.03;  // σ before any is known, and the greatest allowed for [m]
 constexpr double SAMPLES = 100.0;                // over which it is averaged
@@ -241,36 +240,12 @@ inline Index observe(Notes& note, const Law& law, const double* pose, const doub
   return differs ? reason::RESPONSE : drifted ? reason::MOTION : reason::NONE;
 }
 
-// Propagates a robot by its commands, and returns what its position may be off then [m]. `ahead`: of the
-// point that follows before the centre [m]; `pose` (3,) and `twist` (3,): of the centre, at the time
-// `since`; `now`: the present [s].
+// Propagates a robot by its commands, as `command_history` does, and returns what its position may be off
+// then [m]: what the alarm lets pass of the motion since.
 inline double propagate(Notes& note, const Law& law, double ahead, double* pose, double* twist, double since,
                         double now) {
-  command_history::Commands& commands = note.commands;
-  const double tau = std::max(law.response.tau, 1e-6), delay = law.response.delay;
-  double goal[3] = {}, moved[3] = {}, braked[2] = {twist[0], twist[1] + ahead * twist[2]};
-  double length = 0.0, doubt = 0.0;
-  Index renewed = command_history::acting_at(commands, delay, since);
-  command_history::spans(commands, delay, PIECE, since, now, [&](Index acting, double span) {
-    while (renewed < acting) command_history::renew(commands, law.response, ++renewed, braked);
-    if (acting > 0) {
-      std::copy_n(commands.moves(acting - 1), 3, goal);
-      goal[1] -= ahead * goal[2];  // of the centre
-    }
-    const double left = std::exp(-span / tau);
-    for (int k = 0; k < 3; ++k) {
-      const double off = twist[k] - goal[k];
-      moved[k] = goal[k] * span + off * tau * (1.0 - left), twist[k] = goal[k] + off * left;
-    }
-    const double middle = pose[2] + 0.5 * moved[2], cos = std::cos(middle), sin = std::sin(middle);
-    pose[0] += cos * moved[0] - sin * moved[1];
-    pose[1] += sin * moved[0] + cos * moved[1];
-    pose[2] += moved[2];
-    const Motion went{moved[0], moved[1] + ahead * moved[2]};
-    length += went.length();
-    doubt += command_history::doubt_of(commands, law.response, acting, span, went, braked);
-  });
-  return bound(law, now - since, length) + doubt;
+  const auto moved = command_history::propagate(note.commands, law.response, ahead, pose, twist, since, now);
+  return bound(law, now - since, moved.length) + moved.doubt;
 }
 
 }  // namespace hcbf::motion_monitor
