@@ -18,8 +18,7 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask, Places
 from hcbf_gym.errors import InvalidInputError
 
-MOST_PIECES = 500_000
-"""Of a cover: a raster that needs more shows no walls."""
+MOST_PIECES = 500_000  # Of a cover: a raster that needs more shows no walls
 
 Window = tuple[int, int, int, int]
 
@@ -49,11 +48,7 @@ class Cover(NamedTuple):
         return cls(*_core.cover_cells(cells, whole, owner, 0), owner)._checked()
 
     def _checked(self) -> Self:
-        """Return the cover.
-
-        Raises:
-            InvalidInputError: if it has more than `MOST_PIECES`.
-        """
+        """Return the cover."""
         if len(self.sizes) > MOST_PIECES:
             raise InvalidInputError(
                 f"map: got {self.owner.shape} cells that need {len(self.sizes)} convex pieces, "

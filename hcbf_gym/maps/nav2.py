@@ -22,17 +22,14 @@ from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
-GREY = 205
-"""Of a pixel by which map savers write a cell that was never seen."""
+GREY = 205  # Of a pixel by which map savers write a cell that was never seen
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
-UNREAD = ("map_type",)
-"""What map servers write and nobody reads."""
+UNREAD = ("map_type",)  # What map servers write and nobody reads
 MODES = ("trinary", "scale", "raw")
 
-LONGEST_TEXT = 65_536
-"""Bytes of a YAML file that describes a map."""
+LONGEST_TEXT = 65_536  # Bytes of a YAML file that describes a map
 
 _KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
 _IMAGES = {"PPM": "PGM", "PNG": "PNG"}
@@ -116,11 +113,7 @@ def read(path: str | Path, *, drawn: bool = False) -> Raster:
 
 
 def _text(path: Path) -> str:
-    """Return a short text file's content.
-
-    Raises:
-        InvalidInputError: if it cannot be read, is too long or is no text.
-    """
+    """Return a short text file's content."""
     try:
         size = path.stat().st_size
         text = path.read_text(encoding="utf-8") if size <= LONGEST_TEXT else ""
@@ -190,14 +183,7 @@ def _scalar(text: str) -> Any:
 
 
 def _shade(path: Path, mode: str) -> tuple[Any, Any]:
-    """Return an image's brightness from 0 to 1, and where it is transparent.
-
-    In trinary mode the opacity counts as a colour, as the map server has it; in the others a
-    transparent pixel is not known.
-
-    Raises:
-        InvalidInputError: if there is no such image, or it is too large or of another kind.
-    """
+    """Return an image's brightness from 0 to 1, and where it is transparent."""
     from PIL import Image
 
     try:

@@ -60,11 +60,7 @@ def _text(cells: Mask) -> str:
 
 
 def _cells(text: Any, shape: tuple[int, int]) -> Mask:
-    """Return (rows, columns) cells.
-
-    Raises:
-        InvalidInputError: if there are none of this shape.
-    """
+    """Return (rows, columns) cells."""
     count = shape[0] * shape[1]
     try:
         reader = zlib.decompressobj()

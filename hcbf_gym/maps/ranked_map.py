@@ -275,11 +275,7 @@ class RankedMap(Several):
 
 
 def _corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
-    """Return the lowest row and column of a window that lies in the grid.
-
-    Raises:
-        InvalidInputError: if it does not, or holds no truth values.
-    """
+    """Return the lowest row and column of a window that lies in the grid."""
     sound = isinstance(corner, tuple | list) and len(corner) == 2
     sound = sound and all(
         isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 0 for n in corner

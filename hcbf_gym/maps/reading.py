@@ -24,15 +24,13 @@ _LOGGER = logging.getLogger("hcbf_gym.maps")
 USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}
 """Arguments of `RankedMap.load` that need not be given."""
 
-KNOWN_FREE = 25
-"""A cell whose occupancy is lower is free, in the graded modes, too."""
+KNOWN_FREE = 25  # A cell whose occupancy is lower is free, in the graded modes, too
 SURELY_OCCUPIED = 65
 """A cell of the map is occupied above that, and unknown between both; a mask counts from free."""
 
 OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
 
-MOST_LIMITS = 16
-"""Speed limits in one mask, each of which becomes a class."""
+MOST_LIMITS = 16  # Speed limits in one mask, each of which becomes a class
 
 
 class Cells(NamedTuple):
@@ -123,20 +121,7 @@ def _split(raster: Raster) -> tuple[Mask, Mask]:
 def _of_mask_file(
     path: Path, name: str, entry: object, grid: Grid, unknown: int | None
 ) -> list[MapClass]:
-    """Return the classes of a mask's file, on the map's cells.
-
-    Warns of cells beyond the map where that counts less than they do: classes cannot hold them.
-
-    Args:
-        path: of the mask.
-        name: what messages call it.
-        entry: its rank or its fields.
-        grid: of the map, on which the mask is looked up by position.
-        unknown: rank of what is outside the map; None of none.
-
-    Raises:
-        InvalidInputError: if a field is not right.
-    """
+    """Return the classes of a mask's file, on the map's cells."""
     label = f"map: mask {name!r}"
     fields: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"rank": entry}
     records.check_mapping(label, fields)

@@ -23,11 +23,9 @@ from hcbf_gym.maps import surfaces
 from hcbf_gym.maps.surfaces import EDGE
 from hcbf_gym.models.constants import ON_EARTH
 
-FINE = 0.005
-"""By how much a surface may bend before it becomes two pieces [m]."""
+FINE = 0.005  # By how much a surface may bend before it becomes two pieces [m]
 
-REACH = 6.0
-"""Beyond that from the sensor nothing is taken [m], if not told."""
+REACH = 6.0  # Beyond that from the sensor nothing is taken [m], if not told
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +120,7 @@ class Scan(Several):
         return (self._seen,)
 
     def _pieces(self, errors: float) -> Pieces:
-        """Return the pieces in the world, of whose margin errors [m] are a part.
-
-        Raises:
-            InvalidInputError: if the points are no (k, 2).
-        """
+        """Return the pieces in the world, of whose margin errors [m] are a part."""
         given = np.asarray(self.points)
         if given.shape[1] != 2:
             raise InvalidInputError(
@@ -190,12 +184,7 @@ def points_of(
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:
-    """Return an array of numbers, finite or infinite.
-
-    Raises:
-        InvalidInputError: if it is none, of another number of axes, or has a NaN: what failed is
-            not what saw nothing.
-    """
+    """Return an array of numbers, finite or infinite."""
     given = as_array(name, values)
     given = given.reshape((0, 2)[:axes]) if given.size == 0 else given
     if not holds_numbers(given.dtype) or given.ndim != axes:

@@ -11,11 +11,9 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
 
-ALONG = 5
-"""Points along the axis of a capsule, and along each edge of a box."""
+ALONG = 5  # Points along the axis of a capsule, and along each edge of a box
 
-TILT = 0.2
-"""How far the trunk leans at most while it walks [rad]."""
+TILT = 0.2  # How far the trunk leans at most while it walks [rad]
 
 STRIDE = 0.065
 """How much farther from the trunk's centre a leg reaches in its stride than at home [m]."""

@@ -10,16 +10,11 @@ from numpy.typing import ArrayLike
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, shown
 
-LONGEST_TEXT = 10_000
-"""Characters of a footprint."""
-LARGEST = 50.0
-"""How far a robot reaches at most [m]: beyond, the numbers are millimetres."""
-THINNEST = 1e-3
-"""Width of an outline that is one [m]."""
-SAME = 1e-3
-"""Corners that are nearer are one, as where an outline is closed [m]."""
-MOST_CORNERS = 200
-"""Each edge is compared with every other."""
+LONGEST_TEXT = 10_000  # Characters of a footprint
+LARGEST = 50.0  # How far a robot reaches at most [m]: beyond, the numbers are millimetres
+THINNEST = 1e-3  # Width of an outline that is one [m]
+SAME = 1e-3  # Corners that are nearer are one, as where an outline is closed [m]
+MOST_CORNERS = 200  # Each edge is compared with every other
 
 
 def reach(footprint: str | ArrayLike) -> float:
@@ -70,11 +65,7 @@ def corners(footprint: str | ArrayLike) -> Array:
 
 
 def _read(text: str) -> Any:
-    """Return what Nav2's text says.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return what Nav2's text says."""
     try:
         return ast.literal_eval(text.strip()) if len(text) <= LONGEST_TEXT else None
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):

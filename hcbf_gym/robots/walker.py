@@ -236,12 +236,7 @@ def response_file(contract: Path) -> Path:
 
 
 def _find(path: str | Path) -> Path:
-    """Return a contract's file.
-
-    Raises:
-        UnknownNameError: if a name is not known.
-        InvalidInputError: if there is no such file.
-    """
+    """Return a contract's file."""
     if not isinstance(path, str | Path):
         raise InvalidInputError(
             f"robot: got {shown(path)}, expected a contract's path or one of {list(NAMES)}"
@@ -311,11 +306,7 @@ def _text(what: str, value: object) -> str:
 
 
 def _expanded(what: str, path: str) -> str:
-    """Return a path of the contract with its environment variables put in.
-
-    Raises:
-        RobotModelError: if one is not set.
-    """
+    """Return a path of the contract with its environment variables put in."""
     try:
         return records.expanded(what, path)
     except InvalidInputError as error:

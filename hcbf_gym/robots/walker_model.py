@@ -15,8 +15,7 @@ from hcbf_gym.robots.reader import check_alone, compile_spec, load_spec
 from hcbf_gym.robots.walker_parts import Action, Body, Physics, spread
 
 _DRIVEN = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_VISIBLE_GROUPS = 3
-"""Groups of geoms that MuJoCo draws by itself."""
+_VISIBLE_GROUPS = 3  # Groups of geoms that MuJoCo draws by itself
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ KINDS = {"position": "home + scale × action", "direct": "scale × action"}
 
 CONES = ("pyramidal", "elliptic")
 
-SLOWEST_PERIOD = 0.2
-"""Of a controller [s]."""
+SLOWEST_PERIOD = 0.2  # Of a controller [s]
 
 
 MOST = 20.0

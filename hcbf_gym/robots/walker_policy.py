@@ -15,11 +15,7 @@ class Controller(Protocol):
     """What turns an observation into an action; one is made for every episode."""
 
     def __call__(self, observation: Array) -> Array:
-        """Return (k,) the action.
-
-        Args:
-            observation: (n,) as the contract lists it; the caller writes the next one there.
-        """
+        """Return (k,) the action."""
         ...
 
 

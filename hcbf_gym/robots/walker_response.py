@@ -16,12 +16,9 @@ from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.robots.walker_parts import Command
 
-LASTING = 4.0
-"""Over which sway has averaged out [s]."""
-LEAST_GAIN = 0.5
-"""A robot that gives less of the commanded speed does not follow."""
-MOST_GAIN = 1.5
-"""A gain beyond is taken for an error of measurement."""
+LASTING = 4.0  # Over which sway has averaged out [s]
+LEAST_GAIN = 0.5  # A robot that gives less of the commanded speed does not follow
+MOST_GAIN = 1.5  # A gain beyond is taken for an error of measurement
 
 
 @dataclass(frozen=True)

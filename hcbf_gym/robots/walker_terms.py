@@ -32,8 +32,7 @@ from hcbf_gym.robots.walker_parts import names, numbers, spread
 
 Write = Callable[[Array], None]
 
-TOUCH = 5.0
-"""Force from which on a body counts as touched [N]."""
+TOUCH = 5.0  # Force from which on a body counts as touched [N]
 
 
 class Source(NamedTuple):
@@ -58,8 +57,7 @@ class Source(NamedTuple):
     phase: Array
 
 
-Options = Mapping[str, Any]
-"""What a term asks for besides its name and scale."""
+Options = Mapping[str, Any]  # What a term asks for besides its name and scale
 
 
 class Reading(NamedTuple):

@@ -13,13 +13,10 @@ from hcbf_gym.robots.walker_parts import Command
 from hcbf_gym.robots.walker_response import LASTING, Response
 from hcbf_gym.studies.identification.model import Fit, fit, late, respond
 
-QUANTILES = (50.0, 95.0, 99.9)
-"""Of the residual [%]."""
+QUANTILES = (50.0, 95.0, 99.9)  # Of the residual [%]
 
-FAST = 0.6
-"""Share of the greatest speed that was commanded from which on the robot is fast."""
-RECENT = 1.0
-"""How far back a greater command excuses a speed [s]."""
+FAST = 0.6  # Share of the greatest speed that was commanded from which on the robot is fast
+RECENT = 1.0  # How far back a greater command excuses a speed [s]
 
 
 class Record(NamedTuple):
@@ -162,15 +159,7 @@ def _moved(velocity: Array, seconds: float) -> Array:
 
 
 def _overshoot(command: Command, commanded: Array, record: Record) -> float:
-    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s].
-
-    What sways at rest does not count: near a cap on the speed the robot is fast.
-
-    Args:
-        command: what the robot may be commanded.
-        commanded: (n, 2) velocities that it should reach [m/s].
-        record: what it did.
-    """
+    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s]."""
     back = round(RECENT / CONTROL_DT)
     asked = np.concatenate([np.zeros(back), np.hypot(*commanded.T)])
     recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)

@@ -62,11 +62,7 @@ def main(args: Args) -> None:
 
 
 def _simulated(args: Args) -> tuple[Identified, Command, str, Path]:
-    """Return what a simulation shows, of whom, and where it is written.
-
-    Raises:
-        HcbfError: if there is no such contract, or MuJoCo is missing.
-    """
+    """Return what a simulation shows, of whom, and where it is written."""
     if not args.contract:
         raise InvalidInputError("identify: got neither a contract nor --log, expected one of them")
     seconds = finite_float("seconds", args.seconds, minimum=SHORTEST, maximum=LONGEST)
@@ -81,11 +77,7 @@ def _simulated(args: Args) -> tuple[Identified, Command, str, Path]:
 
 
 def _driven(args: Args) -> tuple[Identified, Command, str, Path]:
-    """Return what a log shows, of whom, and where it is written.
-
-    Raises:
-        HcbfError: if it shows nothing, or there is no such contract.
-    """
+    """Return what a log shows, of whom, and where it is written."""
     assert args.log is not None
     command, name, file = None, args.log.stem, args.log.with_suffix(".response.json")
     if args.contract:

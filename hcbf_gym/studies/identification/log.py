@@ -37,8 +37,7 @@ from hcbf_gym.studies.identification.model import LONGEST_DELAY, late
 COMMANDED, POSE, TWIST = ("cmd_vx", "cmd_vy", "cmd_w"), ("x", "y", "yaw"), ("vx", "vy", "w")
 UNITS = ("m/s", "m/s", "rad/s")
 
-SHORTEST = 20.0
-"""Of a log [s]."""
+SHORTEST = 20.0  # Of a log [s]
 GAP, SLOWEST = 1.0, 0.2
 """The longest time between two measurements, and the longest that it may be in the median [s]."""
 VARIES = 4.0
@@ -57,12 +56,9 @@ RESTS, RESTING, BEGINS, SMOOTHED = 1.0, 0.02, 0.2, 0.1
 motion from which it has ended, and over how long noise is smoothed then [s]."""
 YAW_OFF, SLIDES = 0.09, 0.3
 """By how much a yaw may be off [rad], and an axle move aside, as a share of its speed."""
-RISE = math.log(9.0)
-"""Time constants from 10 to 90 % of a step."""
-CHANGES = 0.1
-"""Over which the fastest change of what was done counts [s]."""
-DEGREES = (30.0, 120.0)
-"""A turning rate that is so many times what it should be is one in degrees."""
+RISE = math.log(9.0)  # Time constants from 10 to 90 % of a step
+CHANGES = 0.1  # Over which the fastest change of what was done counts [s]
+DEGREES = (30.0, 120.0)  # A turning rate that is so many times what it should be is one in degrees
 
 DRIVE = (
     "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
@@ -175,11 +171,7 @@ def read(path: Path) -> Log:
 
 
 def _numbers(row: list[str], count: int, line: int) -> list[float]:
-    """Return a line's numbers; NaN for empty cells.
-
-    Raises:
-        InvalidInputError: if there are others than numbers, or another number of cells.
-    """
+    """Return a line's numbers; NaN for empty cells."""
     if len(row) != count:
         raise InvalidInputError(f"log: line {line}: got {len(row)} cells, expected {count}")
     found = []
@@ -194,11 +186,7 @@ def _numbers(row: list[str], count: int, line: int) -> list[float]:
 
 
 def _check_times(log: Log) -> None:
-    """Refuse logs that are too short, too sparse, or of two clocks that do not meet.
-
-    Raises:
-        InvalidInputError: if one is.
-    """
+    """Refuse logs that are too short, too sparse, or of two clocks that do not meet."""
     if len(log.time) < 3 or len(log.commanded) < 2:
         raise InvalidInputError(
             f"log: got {len(log.commanded)} commands and {len(log.time)} measurements; {DRIVE}"
@@ -222,11 +210,7 @@ def _check_times(log: Log) -> None:
 
 
 def _command(log: Log, look_ahead: float | None) -> Command:
-    """Return the greatest that the robot was commanded.
-
-    Raises:
-        InvalidInputError: if an entry was never commanded, or ℓ is missing or too much.
-    """
+    """Return the greatest that the robot was commanded."""
     most = np.abs(log.commanded).max(axis=0)
     _check_commanded(log, most)
     if len(most) == 2 and look_ahead is None:
@@ -242,11 +226,7 @@ def _command(log: Log, look_ahead: float | None) -> Command:
 
 
 def _check_varies(log: Log, command: Command) -> None:
-    """Refuse logs in which an entry of the command hardly changes.
-
-    Raises:
-        InvalidInputError: if one does; the message names it, and a drive that shows it.
-    """
+    """Refuse logs in which an entry of the command hardly changes."""
     _check_commanded(log, WHOLE * command.limits)
     greatest = np.abs(log.commanded).max(axis=0)
     varied = np.abs(np.diff(log.commanded, axis=0, prepend=0.0)).sum(axis=0) / greatest
@@ -259,11 +239,7 @@ def _check_varies(log: Log, command: Command) -> None:
 
 
 def _check_commanded(log: Log, least: Array) -> None:
-    """Refuse logs in which an entry was commanded less than (k,) some value, or nothing.
-
-    Raises:
-        InvalidInputError: if one was.
-    """
+    """Refuse logs in which an entry was commanded less than (k,) some value, or nothing."""
     greatest = np.abs(log.commanded).max(axis=0)
     for name, most, needed in zip(_names(log), greatest, least, strict=True):
         if most < needed or most == 0.0:
@@ -289,11 +265,7 @@ def _from_pose(time: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def _check_agrees(log: Log) -> None:
-    """Refuse logs whose pose does not move as the twist says.
-
-    Raises:
-        InvalidInputError: if it does not; the message names the entry.
-    """
+    """Refuse logs whose pose does not move as the twist says."""
     both = np.isfinite(log.pose).all(axis=1) & np.isfinite(log.twist).all(axis=1)
     if both.sum() < 3:
         return
@@ -334,13 +306,7 @@ def _record(log: Log, command: Command) -> Record:
 
 
 def _means(at: Array, held: Array, edges: Array) -> Array:
-    """Return (n, k) the means between n + 1 times of what is held from other times on.
-
-    Args:
-        at: (m,) from when on; it is zero before.
-        held: (m, k).
-        edges: (n + 1,).
-    """
+    """Return (n, k) the means between n + 1 times of what is held from other times on."""
     ends = np.append(at, max(edges[-1], at[-1]))
     steps = np.diff(ends)[:, None] * held
     area = np.vstack([np.zeros_like(held[:1]), steps.cumsum(axis=0)])
@@ -349,11 +315,7 @@ def _means(at: Array, held: Array, edges: Array) -> Array:
 
 
 def _within_reach(record: Record) -> Array:
-    """Return (n, k) commands that change no faster than the robot ever did.
-
-    Motors of limited strength make of a step such a ramp, which a first-order response does not
-    explain. A filter asks for no step: it changes a velocity no harder than the robot brakes.
-    """
+    """Return (n, k) commands that change no faster than the robot ever did."""
     steps = round(CHANGES / CONTROL_DT)
     fastest = np.abs(record.done[steps:] - record.done[:-steps]).max(axis=0) / CHANGES
     slewed, now = np.empty_like(record.command), record.command[0]
@@ -364,15 +326,7 @@ def _within_reach(record: Record) -> Array:
 
 
 def _check_clock(record: Record, apart: float) -> None:
-    """Refuse logs in which what was done comes before what was commanded, or a second after it.
-
-    Args:
-        record: of the log.
-        apart: from one measurement to the next [s].
-
-    Raises:
-        InvalidInputError: if it does.
-    """
+    """Refuse logs in which what was done comes before what was commanded, or a second after it."""
     commanded, done = record.command[:, 0], record.done[:, 0]
     early, steps = round(EARLIEST / CONTROL_DT), round(LATEST / CONTROL_DT)
     # what is done at rest follows changes: the delay at which both correlate best is δ + τ or so
@@ -423,14 +377,7 @@ def _onset(record: Record) -> float | None:
 
 
 def _check_rolls(log: Log, command: Command) -> None:
-    """Refuse poses of a differential drive that slides: yaw is off, or an axis is mirrored.
-
-    What is across the heading is ``v tan(off) + ω b``, where b is how far before the axle the pose
-    is measured.
-
-    Raises:
-        InvalidInputError: if it does.
-    """
+    """Refuse poses of a differential drive that slides: yaw is off, or an axis is mirrored."""
     if command.look_ahead is None or np.isfinite(log.twist).all():
         return
     at, twist = _from_pose(log.time, log.pose)
@@ -449,11 +396,7 @@ def _check_rolls(log: Log, command: Command) -> None:
 
 
 def _check_degrees(record: Record) -> None:
-    """Refuse logs in which a turning rate is in degrees.
-
-    Raises:
-        InvalidInputError: if one is.
-    """
+    """Refuse logs in which a turning rate is in degrees."""
     commanded, done = record.command[:, -1], record.done[:, -1]
     ratio = float(np.std(done)) / float(np.std(commanded))
     if _is_degrees(ratio):
@@ -469,11 +412,7 @@ def _is_degrees(ratio: float) -> bool:
 
 
 def _stops(record: Record, command: Command) -> list[Stop]:
-    """Return the stops from speed.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return the stops from speed."""
     commanded = command.in_plane(record.command)
     moved = command.in_plane(record.done)
     speed = (

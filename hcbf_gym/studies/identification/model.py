@@ -14,10 +14,8 @@ from scipy.signal import lfilter
 
 from hcbf_gym.arrays import Array
 
-TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)
-"""Those that are tried [s]."""
-LONGEST_DELAY = 0.3
-"""That is tried [s]."""
+TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)  # Those that are tried [s]
+LONGEST_DELAY = 0.3  # That is tried [s]
 
 
 class Fit(NamedTuple):

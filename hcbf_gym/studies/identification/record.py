@@ -13,16 +13,11 @@ from hcbf_gym.robots.walker import Walker
 from hcbf_gym.robots.walker_adapter import Adapter
 from hcbf_gym.studies.identification.analysis import Record
 
-SHORTEST, LONGEST = 0.4, 2.0
-"""How long a random command is held [s]."""
-SHARE = 0.8
-"""Of the contract's limits that random commands reach."""
-RESTS = 0.2
-"""Of the random commands that are zero."""
-STOPS = 8
-"""Stops from the greatest speed, in as many directions."""
-RUN, STAND = 2.5, 2.0
-"""How long such a run and the stop after it last [s]."""
+SHORTEST, LONGEST = 0.4, 2.0  # How long a random command is held [s]
+SHARE = 0.8  # Of the contract's limits that random commands reach
+RESTS = 0.2  # Of the random commands that are zero
+STOPS = 8  # Stops from the greatest speed, in as many directions
+RUN, STAND = 2.5, 2.0  # How long such a run and the stop after it last [s]
 
 SLOW, CREEP = 0.3, 30.0
 """Share of the greatest speed up to which a command creeps, and within which time [s]: many a robot
