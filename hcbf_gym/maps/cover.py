@@ -24,17 +24,12 @@ Window = tuple[int, int, int, int]
 
 
 class Cover(NamedTuple):
-    """The convex pieces that cover a class of cells.
+    """The convex pieces that cover a class of cells."""
 
-    Attributes:
-        corners: (P, 8, 2) column and row of each piece's corners, counter-clockwise; the rest 0.
-        sizes: (P,) how many there are.
-        owner: (rows, columns) which piece answers for a cell, −1 for none.
-    """
-
+    # (P, 8, 2) column and row of each piece's corners, counter-clockwise; the rest 0
     corners: Integers
-    sizes: Integers
-    owner: Places
+    sizes: Integers  # (P,) how many there are
+    owner: Places  # (rows, columns) which piece answers for a cell, −1 for none
 
     @classmethod
     def of(cls, cells: Mask) -> Self:

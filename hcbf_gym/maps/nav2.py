@@ -37,14 +37,10 @@ _PLAIN = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")
 
 
 class Raster(NamedTuple):
-    """A map as it stands in its files.
+    """A map as it stands in its files."""
 
-    Attributes:
-        grid: where its cells lie.
-        occupancy: (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest.
-    """
-
-    grid: Grid
+    grid: Grid  # where its cells lie
+    # (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest
     occupancy: NDArray[np.int16]
 
 

@@ -34,17 +34,11 @@ MOST_LIMITS = 16  # Speed limits in one mask, each of which becomes a class
 
 
 class Cells(NamedTuple):
-    """How many cells of a map's own file are what, whatever their ranks and the masks.
+    """How many cells of a map's own file are what, whatever their ranks and the masks."""
 
-    Attributes:
-        free: those that were seen free.
-        occupied: those that were seen occupied.
-        unknown: the others.
-    """
-
-    free: int
-    occupied: int
-    unknown: int
+    free: int  # those that were seen free
+    occupied: int  # those that were seen occupied
+    unknown: int  # the others
 
     @classmethod
     def of(cls, raster: Raster) -> "Cells":

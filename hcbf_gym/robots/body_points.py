@@ -20,17 +20,11 @@ STRIDE = 0.065
 
 
 class BodyPoints(NamedTuple):
-    """The points of a robot's geoms.
+    """The points of a robot's geoms."""
 
-    Attributes:
-        geom: (P,) which geom each point belongs to.
-        place: (P, 3) where it is in the geom's frame [m].
-        radius: (P,) of the ball around it [m].
-    """
-
-    geom: Integers
-    place: Array
-    radius: Array
+    geom: Integers  # (P,) which geom each point belongs to
+    place: Array  # (P, 3) where it is in the geom's frame [m]
+    radius: Array  # (P,) of the ball around it [m]
 
 
 def body_of(model: mujoco.MjModel, root: int) -> BodyPoints:

@@ -20,35 +20,22 @@ _VISIBLE_GROUPS = 3  # Groups of geoms that MuJoCo draws by itself
 
 @dataclass(frozen=True)
 class Parts:
-    """Names in the file, as the contract or the file orders them.
+    """Names in the file, as the contract or the file orders them."""
 
-    Attributes:
-        trunk: the body that floats.
-        joints: the driven joints in the order of the controller's output; empty where actuators
-            drive none.
-        actuators: in the order of the controller's output.
-        home: (j,) of every hinge and slide in the file's order [rad].
-    """
-
-    trunk: str
+    trunk: str  # the body that floats
+    # the driven joints in the order of the controller's output; empty where actuators drive none
     joints: tuple[str, ...]
-    actuators: tuple[str, ...]
-    home: Array
+    actuators: tuple[str, ...]  # in the order of the controller's output
+    home: Array  # (j,) of every hinge and slide in the file's order [rad]
 
 
 @dataclass(frozen=True)
 class Indices:
-    """Where a compiled scene has what the controller reads and drives.
+    """Where a compiled scene has what the controller reads and drives."""
 
-    Attributes:
-        q: (k,) of the driven joints in qpos.
-        rate: (k,) of them in qvel.
-        ctrl: (k,) of the actuators in ctrl.
-    """
-
-    q: Integers
-    rate: Integers
-    ctrl: Integers
+    q: Integers  # (k,) of the driven joints in qpos
+    rate: Integers  # (k,) of them in qvel
+    ctrl: Integers  # (k,) of the actuators in ctrl
 
 
 def walker_spec(

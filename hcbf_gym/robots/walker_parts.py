@@ -145,15 +145,10 @@ class Action:
 
 @dataclass(frozen=True)
 class Phase:
-    """A clock that walks with the robot, φ_i = start_i + 2π f t.
+    """A clock that walks with the robot, φ_i = start_i + 2π f t."""
 
-    Args:
-        frequency: f [Hz], positive.
-        start: (k,) of every foot at the start [rad].
-    """
-
-    frequency: float
-    start: tuple[float, ...] = (0.0,)
+    frequency: float  # f [Hz], positive
+    start: tuple[float, ...] = (0.0,)  # (k,) of every foot at the start [rad]
 
     def __post_init__(self) -> None:
         finite_float("phase: frequency", self.frequency, minimum=0.0, maximum=100.0, exclusive=True)
@@ -163,15 +158,10 @@ class Phase:
 
 @dataclass(frozen=True)
 class Fall:
-    """When the robot counts as fallen.
+    """When the robot counts as fallen."""
 
-    Args:
-        height: of the trunk's origin below which it has [m].
-        tilt: of the trunk's vertical axis above which it has [rad].
-    """
-
-    height: float
-    tilt: float = 1.0
+    height: float  # of the trunk's origin below which it has [m]
+    tilt: float = 1.0  # of the trunk's vertical axis above which it has [rad]
 
     def __post_init__(self) -> None:
         finite_float("fall: height", self.height, minimum=0.0, maximum=100.0)
@@ -180,25 +170,15 @@ class Fall:
 
 @dataclass(frozen=True)
 class Physics:
-    """How the file is simulated, where that is not as it says.
+    """How the file is simulated, where that is not as it says."""
 
-    Args:
-        timestep: [s]; None takes the file's.
-        friction: of the floor, which decides alone.
-        cone: of the contacts, "pyramidal" or "elliptic"; None takes the file's.
-        impratio: of the contacts; None takes the file's.
-        armature: of every driven joint [kg·m²]; None takes the file's.
-        damping: of every driven joint [N·m·s/rad]; None takes the file's.
-        frictionloss: of every driven joint [N·m]; None takes the file's.
-    """
-
-    timestep: float | None = None
-    friction: float = 0.6
-    cone: str | None = None
-    impratio: float | None = None
-    armature: float | None = None
-    damping: float | None = None
-    frictionloss: float | None = None
+    timestep: float | None = None  # [s]; None takes the file's
+    friction: float = 0.6  # of the floor, which decides alone
+    cone: str | None = None  # of the contacts, "pyramidal" or "elliptic"; None takes the file's
+    impratio: float | None = None  # of the contacts; None takes the file's
+    armature: float | None = None  # of every driven joint [kg·m²]; None takes the file's
+    damping: float | None = None  # of every driven joint [N·m·s/rad]; None takes the file's
+    frictionloss: float | None = None  # of every driven joint [N·m]; None takes the file's
 
     def __post_init__(self) -> None:
         finite_float("physics: friction", self.friction, minimum=0.0, maximum=10.0, exclusive=True)

@@ -25,61 +25,43 @@ import mujoco
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
 from hcbf_gym.robots.walker_model import Indices, Parts, as_slice
 from hcbf_gym.robots.walker_parts import names, numbers, spread
-
-Write = Callable[[Array], None]
 
 TOUCH = 5.0  # Force from which on a body counts as touched [N]
 
 
 class Source(NamedTuple):
-    """What terms read.
+    """What terms read."""
 
-    Attributes:
-        model: the compiled scene.
-        data: its state.
-        parts: names of the robot's parts.
-        at: where the scene has them.
-        command: (c,) what the controller is told now.
-        last_action: (k,) its last output.
-        phase: (p,) the clock's phases now [rad].
-    """
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    parts: Parts
-    at: Indices
-    command: Array
-    last_action: Array
-    phase: Array
+    model: mujoco.MjModel  # the compiled scene
+    data: mujoco.MjData  # its state
+    parts: Parts  # names of the robot's parts
+    at: Indices  # where the scene has them
+    command: Array  # (c,) the controller's, now
+    last_action: Array  # (k,) its last output
+    phase: Array  # (p,) the clock's phases now [rad]
 
 
-Options = Mapping[str, Any]  # What a term asks for besides its name and scale
+Options = Mapping[str, Any]  # of a term, besides its name and scale
 
 
 class Reading(NamedTuple):
     """One term, ready to be read: how many entries it has, and what writes them."""
 
     size: int
-    write: Write
+    write: Callable[[Array], object]
 
 
 @dataclass(frozen=True)
 class Term:
-    """One entry of a contract's observation.
+    """One entry of a contract's observation."""
 
-    Args:
-        term: a name of `TERMS`.
-        scale: of its entries, a number or one for each.
-        options: what this term asks for besides.
-    """
-
-    term: str
-    scale: tuple[float, ...]
-    options: Options
+    term: str  # a name of `TERMS`
+    scale: tuple[float, ...]  # of its entries, a number or one for each
+    options: Options  # of this term besides
 
 
 def read_terms(value: object) -> tuple[Term, ...]:
@@ -188,11 +170,7 @@ class Observer:
 
 def _copies(view: Array) -> Reading:
     """Return the reading of an array that is changed in place."""
-
-    def write(out: Array) -> None:
-        out[:] = view
-
-    return Reading(view.size, write)
+    return Reading(view.size, lambda out: np.copyto(out, view))
 
 
 def _sensor(s: Source, options: Options) -> Reading:
@@ -211,21 +189,13 @@ def _gravity(s: Source, options: Options) -> Reading:
                 f"gravity: got no site {options['site']!r}, expected among {sites}"
             )
         up = s.data.site_xmat[s.model.site(options["site"]).id][6:]
-
-    def write(out: Array) -> None:
-        np.negative(up, out)
-
-    return Reading(3, write)
+    return Reading(3, lambda out: np.negative(up, out))
 
 
 def _linear_velocity(s: Source, options: Options) -> Reading:
     rotation = s.data.xmat[s.model.body(s.parts.trunk).id].reshape(3, 3)
     velocity = s.data.qvel[:3]
-
-    def write(out: Array) -> None:
-        np.dot(velocity, rotation, out)
-
-    return Reading(3, write)
+    return Reading(3, lambda out: np.dot(velocity, rotation, out))
 
 
 def _angular_velocity(s: Source, options: Options) -> Reading:
@@ -233,31 +203,22 @@ def _angular_velocity(s: Source, options: Options) -> Reading:
 
 
 def _joints(s: Source, options: Options) -> Reading:
-    _need_joints(s, "joints")
-    at, home = as_slice(s.at.q), s.parts.home[s.at.q - 7]
-    qpos = s.data.qpos
-
-    def write(out: Array) -> None:
-        np.subtract(qpos[at], home, out)
-
-    return Reading(len(s.at.q), write)
+    at, home, qpos = _driven(s, "joints", s.at.q), s.parts.home[s.at.q - 7], s.data.qpos
+    return Reading(len(s.at.q), lambda out: np.subtract(qpos[at], home, out))
 
 
 def _rates(s: Source, options: Options) -> Reading:
-    _need_joints(s, "rates")
-    at, qvel = as_slice(s.at.rate), s.data.qvel
-
-    def write(out: Array) -> None:
-        out[:] = qvel[at]
-
-    return Reading(len(s.at.rate), write)
+    at, qvel = _driven(s, "rates", s.at.rate), s.data.qvel
+    return Reading(len(s.at.rate), lambda out: np.copyto(out, qvel[at]))
 
 
-def _need_joints(s: Source, term: str) -> None:
+def _driven(s: Source, term: str, at: Integers) -> Integers | slice:
+    """Return where the driven joints are; a slice is read faster."""
     if not s.parts.joints:
         raise InvalidInputError(
             f"observation: got {term!r} and no driven joints, expected action: joints"
         )
+    return as_slice(at)
 
 
 def _last_action(s: Source, options: Options) -> Reading:
@@ -283,12 +244,7 @@ def _phase(s: Source, options: Options) -> Reading:
 def _state(s: Source, options: Options) -> Reading:
     nq = 7 + len(s.parts.home)
     qpos, qvel = s.data.qpos[:nq], s.data.qvel[: nq - 1]
-
-    def write(out: Array) -> None:
-        out[:nq] = qpos
-        out[nq:] = qvel
-
-    return Reading(2 * nq - 1, write)
+    return Reading(2 * nq - 1, lambda out: np.concatenate((qpos, qvel), out=out))
 
 
 def _contacts(s: Source, options: Options) -> Reading:

@@ -35,31 +35,19 @@ class Record(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """A stop from a run.
+    """A stop from a run."""
 
-    Attributes:
-        distance: that the robot went on [m].
-        deceleration: from 90 to 10 % of the speed [m/s²].
-        rise: of the run's beginning, from 10 to 90 % [s].
-    """
-
-    distance: float
-    deceleration: float
-    rise: float
+    distance: float  # that the robot went on [m]
+    deceleration: float  # from 90 to 10 % of the speed [m/s²]
+    rise: float  # of the run's beginning, from 10 to 90 % [s]
 
 
 class Identified(NamedTuple):
-    """What was measured, and what it was measured from.
+    """What was measured, and what it was measured from."""
 
-    Attributes:
-        response: the numbers.
-        record: under commands that change.
-        fits: of every entry of the command.
-    """
-
-    response: Response
-    record: Record
-    fits: tuple[Fit, ...]
+    response: Response  # the numbers
+    record: Record  # under commands that change
+    fits: tuple[Fit, ...]  # of every entry of the command
 
 
 def analyse(

@@ -68,21 +68,13 @@ DRIVE = (
 
 
 class Log(NamedTuple):
-    """What a file holds.
+    """What a file holds."""
 
-    Attributes:
-        commanded_at: (m,) [s].
-        commanded: (m, k) commands from then on [m/s, rad/s].
-        time: (n,) of the measurements [s].
-        pose: (n, 3) [m, rad]; NaN where there is none.
-        twist: (n, 3) [m/s, rad/s]; NaN where there is none.
-    """
-
-    commanded_at: Array
-    commanded: Array
-    time: Array
-    pose: Array
-    twist: Array
+    commanded_at: Array  # (m,) [s]
+    commanded: Array  # (m, k) commands from then on [m/s, rad/s]
+    time: Array  # (n,) of the measurements [s]
+    pose: Array  # (n, 3) [m, rad]; NaN where there is none
+    twist: Array  # (n, 3) [m/s, rad/s]; NaN where there is none
 
 
 def identify_log(

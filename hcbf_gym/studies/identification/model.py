@@ -19,19 +19,12 @@ LONGEST_DELAY = 0.3  # That is tried [s]
 
 
 class Fit(NamedTuple):
-    """One axis.
+    """One axis."""
 
-    Attributes:
-        gain: g.
-        time_constant: τ [s].
-        delay: δ [s].
-        predicted: (n,) what the model makes of the commands.
-    """
-
-    gain: float
-    time_constant: float
-    delay: float
-    predicted: Array
+    gain: float  # g
+    time_constant: float  # τ [s]
+    delay: float  # δ [s]
+    predicted: Array  # (n,) what the model makes of the commands
 
 
 def fit(command: Array, measured: Array, period: float) -> Fit:
