@@ -70,7 +70,7 @@ class Moving:
     def go(self, command: Array) -> None:
         """Follow a command for one control step."""
         if self._runner is not None:
-            self.fallen |= self._runner.tell(command, CONTROL_DT).falls > 0
+            self.fallen |= self._runner.hold(command, CONTROL_DT).falls > 0
             self._look()
             return
         three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])

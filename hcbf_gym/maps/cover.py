@@ -48,7 +48,7 @@ class Cover(NamedTuple):
             raise InvalidInputError(
                 f"map: got {self.owner.shape} cells that need {len(self.sizes)} convex pieces, "
                 f"expected at most {MOST_PIECES}: use a coarser resolution, such as every second "
-                "row and column, or remove what is no wall"
+                "row and column, or remove cells that are not walls"
             )
         return self
 

@@ -32,7 +32,7 @@ def through(floor: RankedMap, rng: np.random.Generator, start: Array, goal: Arra
         floor: the map.
         rng: gives as many numbers for every path.
         start: (2,) where the path's start is written [m].
-        goal: (2,) likewise.
+        goal: (2,) where its end is written [m].
 
     Raises:
         InvalidInputError: if there is no place for a body.

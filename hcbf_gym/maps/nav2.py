@@ -26,7 +26,7 @@ GREY = 205  # Of a pixel by which map savers write a cell that was never seen
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
-UNREAD = ("map_type",)  # What map servers write and nobody reads
+UNREAD = ("map_type",)  # written by map servers, read by none
 MODES = ("trinary", "scale", "raw")
 
 LONGEST_TEXT = 65_536  # Bytes of a YAML file that describes a map

@@ -35,9 +35,8 @@ from hcbf_gym.models.grid import Grid
 class RankedMap(Several):
     """Cells of a grid in classes, each with its rank. It never changes: `update` returns another.
 
-    In a list of barriers it stands for one condition a class, in the order of the classes. Of what
-    lies outside the grid nothing is known: it belongs to a class of the kind "unknown", and is free
-    where there is none.
+    In a list of barriers it is one condition a class, in the order of the classes. All outside the
+    grid belongs to a class of the kind "unknown", and is free where there is none.
 
     Args:
         grid: where the cells lie.

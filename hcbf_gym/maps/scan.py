@@ -1,4 +1,4 @@
-"""What a range sensor sees as strict pieces of its own: for people and boxes that are in no map."""
+"""What a range sensor sees, as strict pieces: for people and boxes that are in no map."""
 
 from dataclasses import dataclass, field
 
@@ -25,7 +25,7 @@ from hcbf_gym.models.constants import ON_EARTH
 
 FINE = 0.005  # By how much a surface may bend before it becomes two pieces [m]
 
-REACH = 6.0  # Beyond that from the sensor nothing is taken [m], if not told
+REACH = 6.0  # from the sensor [m]: by default nothing beyond is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class Scan(Several):
 
     @property
     def conditions(self) -> tuple[Barrier, ...]:
-        """The one barrier that it stands for."""
+        """Its one barrier."""
         return (self._seen,)
 
     def _pieces(self, errors: float) -> Pieces:

@@ -25,6 +25,6 @@ def pieces(points: Array, tolerance: float, depth: float) -> Array:
     Args:
         points: (k, 2) in the sensor's axes [m], in the order in which a beam turns.
         tolerance: how far from a piece its points may lie [m].
-        depth: how far pieces reach away from the sensor, where nobody has seen anything [m].
+        depth: how far pieces reach away from the sensor, where nothing has been seen [m].
     """
     return _core.surface_pieces(points, tolerance, depth)

@@ -13,10 +13,9 @@ from hcbf_gym.arrays import Array, Integers
 
 ALONG = 5  # Points along the axis of a capsule, and along each edge of a box
 
-TILT = 0.2  # How far the trunk leans at most while it walks [rad]
+TILT = 0.2  # the greatest tilt of a walking trunk [rad]
 
-STRIDE = 0.065
-"""How much farther from the trunk's centre a leg reaches in its stride than at home [m]."""
+STRIDE = 0.065  # by how much a leg reaches farther from the trunk's centre than at home [m]
 
 
 class BodyPoints(NamedTuple):
@@ -60,8 +59,8 @@ def radius(model: mujoco.MjModel, trunk: str, joints: Array) -> float:
     points = data.geom_xpos[body.geom] + np.einsum("pij,pj->pi", rotations, body.place)
     far = np.hypot(points[:, 0], points[:, 1]) + body.radius
     fixed = model.body_weldid[model.geom_bodyid[body.geom]] == model.body_weldid[first]
-    leaning = far + np.sin(TILT) * np.abs(points[:, 2])
-    return float(np.where(fixed, leaning, far + STRIDE).max())
+    tilted = far + np.sin(TILT) * np.abs(points[:, 2])
+    return float(np.where(fixed, tilted, far + STRIDE).max())
 
 
 def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:

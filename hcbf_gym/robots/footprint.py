@@ -1,4 +1,4 @@
-"""Nav2's footprints: the outline of a robot, and the circle that stands for it."""
+"""Nav2's footprints: the outline of a robot, and the circle that holds it."""
 
 import ast
 from itertools import combinations
@@ -65,7 +65,7 @@ def corners(footprint: str | ArrayLike) -> Array:
 
 
 def _read(text: str) -> Any:
-    """Return what Nav2's text says."""
+    """Return the corners in Nav2's text."""
     try:
         return ast.literal_eval(text.strip()) if len(text) <= LONGEST_TEXT else None
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):

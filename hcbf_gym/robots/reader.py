@@ -78,7 +78,7 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
         xml_file: MJCF of the robot alone.
 
     Raises:
-        RobotModelError: if the file cannot be read, or says what no walking robot is.
+        RobotModelError: if the file cannot be read, or describes no walking robot.
     """
     model = compile_spec(load_spec(xml_file), xml_file)
     _check_tree(model)

@@ -1,4 +1,4 @@
-"""A robot that takes velocities, by contract: one JSON file says what it is and who drives it.
+"""A robot that takes velocities, by contract: a JSON file describes it and its controller.
 
 >>> cart = Walker.load("cart")
 >>> cart.command.limits  # (v, ω) [m/s, rad/s]
@@ -106,11 +106,11 @@ class Walker:
 
         Args:
             path: of the JSON file, or a name of `NAMES`. Paths in the file count from its folder;
-                ``$NAME`` stands for an environment variable.
+                ``$NAME`` is an environment variable.
 
         Raises:
             InvalidInputError: if a key is missing, unknown or malformed, or numbers do not fit.
-            RobotModelError: if the MJCF or the network is not there or not what the contract says.
+            RobotModelError: if the MJCF or the network is missing or does not fit the contract.
             MissingDependencyError: if the network needs the extra `walkers`.
         """
         file = _find(path)
@@ -134,7 +134,7 @@ class Walker:
         return sorted(file for file in files if file.is_file())
 
     def spec(self) -> tuple[mujoco.MjSpec, Parts]:
-        """Return the robot alone as the contract asks for it, and the names of its parts."""
+        """Return the robot alone, as the contract changes it, and the names of its parts."""
         sensors = sensors_of(self.observation)
         spec, parts = walker_spec(self.mjcf, self.body, self.action, self.physics, sensors)
         add_touch_sensors(spec, self.observation)

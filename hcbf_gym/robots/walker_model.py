@@ -1,4 +1,4 @@
-"""A walker's MJCF as the contract asks for it: checked, its actuators found by name."""
+"""A walker's MJCF as the contract changes it: checked, its actuators found by name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from hcbf_gym.robots.reader import check_alone, compile_spec, load_spec
 from hcbf_gym.robots.walker_parts import Action, Body, Physics, spread
 
 _DRIVEN = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_VISIBLE_GROUPS = 3  # Groups of geoms that MuJoCo draws by itself
+_VISIBLE_GROUPS = 3  # groups of geoms that MuJoCo draws
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Indices:
 def walker_spec(
     mjcf: Path, body: Body, action: Action, physics: Physics, sensors: set[str]
 ) -> tuple[mujoco.MjSpec, Parts]:
-    """Return the robot alone as the contract asks for it, and the names of its parts.
+    """Return the robot alone, as the contract changes it, and the names of its parts.
 
     Args:
         mjcf: the file.
         body: which body floats.
         action: what is driven, and how.
-        physics: what is not as the file says.
+        physics: what replaces the file's.
         sensors: names of those that are read; the others are left out, as each costs time.
 
     Raises:

@@ -170,7 +170,7 @@ class Fall:
 
 @dataclass(frozen=True)
 class Physics:
-    """How the file is simulated, where that is not as it says."""
+    """How the file is simulated; None takes what it has."""
 
     timestep: float | None = None  # [s]; None takes the file's
     friction: float = 0.6  # of the floor, which decides alone
@@ -232,7 +232,7 @@ def names(what: str, value: object) -> tuple[str, ...]:
 
 
 def numbers(what: str, value: object) -> tuple[float, ...]:
-    """Return a number or a list of numbers as a tuple; one stands for all.
+    """Return a number or a list of numbers as a tuple; one is for all.
 
     Raises:
         InvalidInputError: if it is neither.

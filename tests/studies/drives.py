@@ -37,7 +37,7 @@ def drive(walker, seed, seconds=25.0):
             aside = cos * data.qvel[1] - sin * data.qvel[0]
             three = told if len(told) == 3 else (told[0], 0.0, told[1])
             rows.append([time, *three, *data.qpos[:2], yaw, ahead, aside, data.qvel[5]])
-            runner.tell(told, CONTROL_DT)
+            runner.hold(told, CONTROL_DT)
             time += CONTROL_DT
     return np.array(rows)
 

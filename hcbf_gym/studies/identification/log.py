@@ -1,4 +1,4 @@
-"""A robot that was driven by hand: its log says how it follows, without a simulation.
+"""How a robot follows, from the log of a drive by hand, without a simulation.
 
 A CSV file with a header. Each line has a time, and the command from then on, or what was measured
 then, or both; cells of what it does not have are empty. All times are of one clock.
@@ -125,12 +125,12 @@ def read(path: Path) -> Log:
         raise InvalidInputError(f"log: got {path} ({error}), expected a CSV file") from error
     header = [name.strip() for name in lines[0]] if lines else []
     known = ("time", *COMMANDED, *POSE, *TWIST)
-    bent = [name for name in header if name not in known or header.count(name) > 1]
+    wrong = [name for name in header if name not in known or header.count(name) > 1]
     sideways = ("cmd_vy",) if "cmd_vy" in header else ()
     twist = ("vx", *(("vy",) if sideways or "vy" in header else ()), "w")
     commanded = ("cmd_vx", *sideways, "cmd_w")
     has_pose, has_twist = set(POSE) <= set(header), set(twist) <= set(header)
-    if bent or not {"time", *commanded} <= set(header) or not (has_pose or has_twist):
+    if wrong or not {"time", *commanded} <= set(header) or not (has_pose or has_twist):
         raise InvalidInputError(
             f"log: got the columns {header}, expected time, {', '.join(commanded)}, and "
             f"{', '.join(POSE)} or {', '.join(twist)} or both, among {list(known)}"
@@ -152,12 +152,14 @@ def read(path: Path) -> Log:
     pose = np.column_stack([parts[name] for name in POSE])
     moves = np.column_stack([parts[name] for name in TWIST])
     commands = np.column_stack([columns[name] for name in commanded])
-    is_told = np.isfinite(commands).all(axis=1)
+    is_commanded = np.isfinite(commands).all(axis=1)
     measured: Mask = np.logical_and.reduce(np.isfinite(moves), axis=1)
     if not measured.any():
         measured = np.logical_and.reduce(np.isfinite(pose), axis=1)
     measured[1:] &= ~(measured[1:] & measured[:-1] & (np.diff(time) == 0.0))
-    log = Log(time[is_told], commands[is_told], time[measured], pose[measured], moves[measured])
+    log = Log(
+        time[is_commanded], commands[is_commanded], time[measured], pose[measured], moves[measured]
+    )
     _check_times(log)
     return log
 
@@ -257,7 +259,7 @@ def _from_pose(time: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def _check_agrees(log: Log) -> None:
-    """Refuse logs whose pose does not move as the twist says."""
+    """Refuse logs whose pose contradicts the twist."""
     both = np.isfinite(log.pose).all(axis=1) & np.isfinite(log.twist).all(axis=1)
     if both.sum() < 3:
         return
@@ -266,13 +268,13 @@ def _check_agrees(log: Log) -> None:
     window = max(1, round(WITHIN / float(np.median(np.diff(time)))))
     smooth = np.ones(window) / window
     for k, (name, unit) in enumerate(zip(TWIST, UNITS, strict=True)):
-        said = np.convolve(np.interp(at, time, twist[:, k]), smooth, "valid")
+        given = np.convolve(np.interp(at, time, twist[:, k]), smooth, "valid")
         moved = np.convolve(derived[:, k], smooth, "valid")
-        size = float(np.sqrt(np.mean(said**2)))
-        off = float(np.sqrt(np.mean((moved - said) ** 2)))
+        size = float(np.sqrt(np.mean(given**2)))
+        off = float(np.sqrt(np.mean((moved - given) ** 2)))
         least = float(np.sqrt(np.mean(log.commanded[:, min(k, log.commanded.shape[1] - 1)] ** 2)))
         if off > AGREES * max(size, 0.5 * least):
-            ratio = float(moved @ said) / max(float(said @ said), 1e-12)
+            ratio = float(moved @ given) / max(float(given @ given), 1e-12)
             why = ": is it in degrees?" if k == 2 and _is_degrees(ratio) else ""
             raise InvalidInputError(
                 f"log: pose and twist disagree: {name} is {size:.3g} {unit} by the twist in the "

@@ -3,8 +3,8 @@ r"""A first-order response with a delay, fitted to what a robot did.
 .. math:: τ \dot v = g\, c(t - δ) - v
 
 For every τ and δ of a grid the response to the commands is simulated with g = 1; the best g is then
-a ratio of sums. The pair that leaves the least squares is taken: what the robot's own sway adds to
-v does not bend it, as nothing measured is fed back.
+a ratio of sums. The pair with the least squares is taken: a gait's oscillation does not bias it, as
+nothing measured is fed back.
 """
 
 from typing import NamedTuple

@@ -45,8 +45,8 @@ class Runner:
         self.drive.reset(np.zeros(2), 0.0, self._nothing, self._rng)
         self._time = 0.0
 
-    def tell(self, command: Array, seconds: float) -> Record:
-        """Tell a command (k,) for some time [s], and return what the robot did."""
+    def hold(self, command: Array, seconds: float) -> Record:
+        """Hold a command (k,) for some time [s], and return what the robot did."""
         commanded, done, falls = [], [], 0
         for _ in range(round(seconds / CONTROL_DT)):
             commanded.append(command)
@@ -69,7 +69,7 @@ class Runner:
         return np.array([ahead, aside, float(simulation.data.qvel[5])])
 
     def wander(self, seconds: float, rates: Array) -> Record:
-        """Tell random commands, each held for a random time, for so long [s].
+        """Give random commands, each held for a random time, for so long [s].
 
         Args:
             seconds: altogether [s].
@@ -84,7 +84,7 @@ class Runner:
             most = CONTROL_DT * rates
             for _ in range(steps):
                 command = command + np.clip(wanted - command, -most, most)
-                parts.append(self.tell(command, CONTROL_DT))
+                parts.append(self.hold(command, CONTROL_DT))
             passed += steps * CONTROL_DT
         return joined(parts)
 
@@ -99,14 +99,14 @@ class Runner:
     def stop(self, command: Array) -> Record:
         """Run at a command (k,), then stop; the stop begins after `RUN`."""
         self._start()
-        return joined([self.tell(command, RUN), self.tell(0.0 * command, STAND)])
+        return joined([self.hold(command, RUN), self.hold(0.0 * command, STAND)])
 
     def creep(self, command: Array) -> Record:
-        """Tell a command (k,) that grows from zero to `SLOW` of it within `CREEP`."""
+        """Give a command (k,) that grows from zero to `SLOW` of it within `CREEP`."""
         self._start()
         steps = round(CREEP / CONTROL_DT)
         shares = SLOW * np.arange(1, steps + 1) / steps
-        return joined([self.tell(share * command, CONTROL_DT) for share in shares])
+        return joined([self.hold(share * command, CONTROL_DT) for share in shares])
 
 
 class _Direct(Adapter):
