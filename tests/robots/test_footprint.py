@@ -13,7 +13,7 @@ COMMAND = Command(forward=0.5, turn=1.0, look_ahead=0.2)
 L_SHAPE = [[-0.2, -0.2], [0.4, -0.2], [0.4, 0.0], [0.1, 0.0], [0.1, 0.3], [-0.2, 0.3]]
 
 
-def test_nav2s_text_and_a_list_say_the_same():
+def test_nav2s_text_and_a_list_mean_the_same():
     text = "[ [0.21, .195], [0.21, -0.195], [-0.21, -0.195], [-0.21, 0.195] ]"
     expected = math.hypot(0.21, 0.195)
     assert footprint.reach(text) == pytest.approx(expected)
@@ -41,7 +41,7 @@ def test_a_concave_outline_is_one():
     assert footprint.reach(L_SHAPE) == pytest.approx(math.hypot(0.4, 0.2))
 
 
-BENT = {
+MALFORMED = {
     "no text of Nav2's": "[[0.2, 0.1], [0.2",
     "NaN in a text": "[[nan, 0.1], [0.2, -0.1], [-0.2, 0.0]]",
     "code": "__import__('os').getcwd()",
@@ -60,10 +60,10 @@ BENT = {
 }
 
 
-@pytest.mark.parametrize("bent", BENT)
-def test_what_is_no_outline_is_refused_in_words(bent):
+@pytest.mark.parametrize("malformed", MALFORMED)
+def test_anything_but_an_outline_is_refused_in_words(malformed):
     with pytest.raises(InvalidInputError, match=r"footprint: .*expected"):
-        Robot(COMMAND, footprint=BENT[bent])
+        Robot(COMMAND, footprint=MALFORMED[malformed])
 
 
 def test_footprints_whose_order_is_shuffled_are_refused_or_outlines():
