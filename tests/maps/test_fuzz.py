@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
+from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
 
 NUMBERS = (0, -1, 1e-9, 1e300, "nan", ".inf", "-.inf", "", "one", "[1]", "true", "0x10", 10**40)
 ORIGINS = ("[0, 0]", "[0, 0, nan]", "[a, b, c]", "[]", "3", "[1e9, 0, 0]", "{x: 1}", "[0, 0, 0, 0]")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.robots.motion_monitor import MotionMonitor
-from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import Response
+from hcbf_robots.walkers.motion_monitor import MotionMonitor
+from hcbf_robots.walkers.walker_parts import Command
+from hcbf_robots.walkers.walker_response import Response
 from tests.online.test_own_loop import EXACT, FAR, PERIOD, VelocityFilter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*")
