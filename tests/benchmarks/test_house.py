@@ -58,7 +58,7 @@ def test_circles_arrows_upwards_and_aliases_are_counted(checkout):
         "high/four.py": "from hcbf_gym.low.three import Numbers",
         "low/five.py": "if TYPE_CHECKING:\n    from hcbf_gym.high.four import g",
     }.items():
-        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_text(text + "\n")
     (checkout / "tests").mkdir()
     (checkout / "tests" / "test.py").write_text("a = 1\nb = 2\n")
