@@ -81,7 +81,7 @@ def analyse(
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
         residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
-        sway=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
+        deviation=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
         overshoot=round(_overshoot(command, commanded, record), 4),
         rise=round(float(np.median([one.rise for one in stops])), 3),
         stopping=round(max(one.distance for one in stops), 3),

@@ -106,7 +106,7 @@ def _table(name: str, command: Command, response: Response) -> Table:
     table.add_row("time constant", f"{response.time_constant:.3f} s")
     table.add_row("delay", f"{response.delay:.3f} s")
     table.add_row("residual 50, 95, 99.9 %", f"{half:.3f}, {often:.3f}, {almost:.3f} m/s")
-    table.add_row("deviation while it follows, 99.9 %", f"{response.sway:.3f} m")
+    table.add_row("deviation while it follows, 99.9 %", f"{response.deviation:.3f} m")
     table.add_row("residual that lasts, 99.9 %", f"{response.lasting:.3f} m/s")
     table.add_row("overshoot, 99.9 %", f"{response.overshoot:.3f} m/s")
     table.add_row("rise, 10 to 90 %", f"{response.rise:.2f} s")

@@ -100,11 +100,11 @@ class MotionMonitor:
         self._gains = np.array(known.gains(len(command.limits)))
         self._command = command
         follows = max(known.follows, 1e-3)
-        most, share = BEYOND * known.sway / follows, SHARE
+        most, share = BEYOND * known.deviation / follows, SHARE
         lasting = known.residual[1] if known.lasting is None else known.lasting
-        lasting = min(known.sway / follows, lasting)
+        lasting = min(known.deviation / follows, lasting)
         if not self.is_measured:
-            most, share = known.sway / (ADDS_UP * follows), DOUBTED
+            most, share = known.deviation / (ADDS_UP * follows), DOUBTED
             lasting = LASTING * command.fastest
         law = np.zeros(1, dtype=record_type("motion_monitor.Law"))
         law["tau"], law["delay"] = known.time_constant, known.delay

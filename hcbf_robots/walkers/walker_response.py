@@ -30,7 +30,7 @@ class Response:
         time_constant: τ of the slowest axis of the velocity [s].
         delay: δ of that axis [s].
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
-        sway: what position deviates at most from the model's in 99.9 % of the time, over the time
+        deviation: what position deviates at most from the model's in 99.9 % of the time, over the time
             that the model takes to follow [m].
         overshoot: by how much the speed of the fast robot exceeds all commands within a
             second, in 99.9 % of the time [m/s].
@@ -50,7 +50,7 @@ class Response:
     time_constant: float = 0.3
     delay: float = 0.1
     residual: tuple[float, float, float] = (0.1, 0.2, 0.3)
-    sway: float = 0.05
+    deviation: float = 0.05
     overshoot: float = 0.2
     rise: float = 0.7
     stopping: float = 0.5
@@ -141,7 +141,7 @@ def assumed(command: Command) -> Response:
     return replace(
         UNKNOWN,
         residual=(moves * half, moves * often, moves * almost),
-        sway=moves * UNKNOWN.sway,
+        deviation=moves * UNKNOWN.deviation,
         overshoot=share * UNKNOWN.overshoot,
         stopping=moves * UNKNOWN.stopping,
     )

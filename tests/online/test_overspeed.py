@@ -9,7 +9,7 @@ from hcbf_robots.maps import Grid, MapClass, RankedMap
 from tests.online.test_unmeasured import Lagged
 
 LATE = Response(
-    time_constant=0.3, delay=0.1, residual=(0.003, 0.01, 0.04), sway=0.01, overshoot=0.0,
+    time_constant=0.3, delay=0.1, residual=(0.003, 0.01, 0.04), deviation=0.01, overshoot=0.0,
     braking=0.97, stopping=0.3, seconds=60.0,
 )  # fmt: skip
 ROBOTS = {

@@ -23,7 +23,7 @@ FAR = [Disc("far", 1, center=(50.0, 0.0), radius=1.0)]
 EXACT = Robot(
     Command(forward=1.0, turn=2.0, sideways=1.0),
     Response(
-        time_constant=0.02, delay=0.0, residual=(0.0, 0.02, 0.04), sway=0.01, overshoot=0.01,
+        time_constant=0.02, delay=0.0, residual=(0.0, 0.02, 0.04), deviation=0.01, overshoot=0.01,
         braking=3.0,
     ),
 )  # fmt: skip

@@ -35,7 +35,7 @@ class Simulated:
         self.tau, self.gain = rng.uniform(0.05, 0.3), rng.uniform(0.85, 1.05)
         self.hardest = rng.uniform(1.5, 3.0) * np.ones(len(command.limits))
         self.hardest[-1] /= 0.2  # a turn changes faster than a speed
-        self.sway = 0.03 * command.forward
+        self.noise = 0.03 * command.forward
         self.waiting = [np.zeros(len(command.limits))] * round(rng.uniform(0.0, 0.1) / TICK)
         self.doing = np.zeros(len(command.limits))
         self.pose = np.zeros(3)
@@ -57,7 +57,7 @@ class Simulated:
             change = (wanted - self.doing) * TICK / self.tau
             self.doing = self.doing + np.clip(change, -TICK * self.hardest, TICK * self.hardest)
             forward, aside, turn = self.twist
-            forward += self.sway * self.rng.standard_normal()
+            forward += self.noise * self.rng.standard_normal()
             yaw = self.pose[2]
             cos, sin = math.cos(yaw), math.sin(yaw)
             moved = [cos * forward - sin * aside, sin * forward + cos * aside, turn]

@@ -11,7 +11,7 @@ from hcbf_robots import Command, Response, Robot, VelocityFilter
 from tests.online.test_unmeasured import WALL, Lagged
 
 EXACT = Response(
-    residual=(0.003, 0.012, 0.05), sway=0.01, overshoot=0.0, stopping=0.3, seconds=60.0
+    residual=(0.003, 0.012, 0.05), deviation=0.01, overshoot=0.0, stopping=0.3, seconds=60.0
 )
 ROBOTS = {
     "late": (Command(0.8, 3.0, sideways=0.8), 0.3, 0.1, math.inf, 0.97),

@@ -10,7 +10,7 @@ from hcbf_robots.walkers.walker_response import Response
 from tests.online.test_own_loop import EXACT, FAR, PERIOD, VelocityFilter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*")
-ANYTHING = Response(sway=1e6)
+ANYTHING = Response(deviation=1e6)
 """Of a robot whose commands predict nothing."""
 FAULTS = {
     "none": lambda place, velocity: (place, velocity),

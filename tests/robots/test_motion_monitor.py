@@ -16,11 +16,11 @@ from hcbf_robots.walkers.walker_response import Response
 HOLONOMIC = Walker.load("holonomic-cart")
 PERIOD = 0.05
 LATE = Response(
-    gain=(0.9, 1.1), time_constant=0.12, delay=0.07, residual=(0.0, 0.02, 0.05), sway=0.01,
+    gain=(0.9, 1.1), time_constant=0.12, delay=0.07, residual=(0.0, 0.02, 0.05), deviation=0.01,
     overshoot=0.05, braking=3.0,
 )  # fmt: skip
 FAST = Response(
-    gain=(1.0, 1.0), time_constant=0.02, delay=0.0, residual=(0.002, 0.04, 0.17), sway=0.0034,
+    gain=(1.0, 1.0), time_constant=0.02, delay=0.0, residual=(0.002, 0.04, 0.17), deviation=0.0034,
     overshoot=0.13, braking=4.5,
 )  # fmt: skip
 """A cart's: it changes its velocity no harder than it brakes, which small steps do not show."""
@@ -102,7 +102,7 @@ def test_half_or_twice_of_a_command_for_2_s_at_half_speed_is_never_silent(
     command = COMMANDS[name]
     least = 0.01 * command.forward
     residual = 0.0, 2.0 * least, 5.0 * least
-    known = replace(LATE, gain=(), delay=0.0, sway=least, residual=residual) if response else None
+    known = replace(LATE, gain=(), delay=0.0, deviation=least, residual=residual) if response else None
     monitor, place, speed = MotionMonitor(command, known), 0.0, 0.0
     given, alarmed = share * command.forward * np.eye(len(command.limits))[0], math.inf
     tau = 0.3 if response is None else LATE.time_constant
@@ -208,7 +208,7 @@ def test_a_stop_at_once_takes_the_path_that_brakes_need(gap):
 def test_the_first_command_after_a_change_of_filters_is_followed_by_braking():
     """A robot that moves is commanded back at once: it brakes as it was measured to."""
     command = Command(forward=1.0, turn=2.0, look_ahead=0.2)
-    measured = Response(time_constant=0.02, delay=0.0, sway=0.004, braking=3.5, residual=(0, 0, 0))
+    measured = Response(time_constant=0.02, delay=0.0, deviation=0.004, braking=3.5, residual=(0, 0, 0))
     monitor, x, v = MotionMonitor(command, measured), 0.0, 0.5
     for k in range(60):
         assert not ahead(monitor, x, v, 0.02 * k), k

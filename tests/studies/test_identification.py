@@ -26,13 +26,13 @@ PERIOD = 0.02
     steps=st.integers(0, 6),
     seed=st.integers(0, 100),
 )
-def test_a_known_response_is_found_beneath_sway(gain, time_constant, steps, seed):
+def test_a_known_response_is_found_beneath_oscillation(gain, time_constant, steps, seed):
     rng = np.random.default_rng(seed)
     told = np.repeat(rng.uniform(-1.0, 1.0, 40), 50)
     delay = steps * PERIOD
     done = gain * respond(late(told, delay, PERIOD), time_constant, PERIOD)
-    sway = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(told)))
-    found = fit(told, done + sway, PERIOD)
+    wave = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(told)))
+    found = fit(told, done + wave, PERIOD)
     assert found.gain == pytest.approx(gain, rel=0.05)
     assert found.delay + found.time_constant == pytest.approx(delay + time_constant, abs=0.04)
 
@@ -77,7 +77,7 @@ NUMBERS = {
     "time_constant": 0.1,
     "delay": 0.02,
     "residual": [0.05, 0.14, 0.3],
-    "sway": 0.03,
+    "deviation": 0.03,
     "overshoot": 0.1,
     "rise": 0.3,
     "stopping": 0.2,
