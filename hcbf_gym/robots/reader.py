@@ -117,6 +117,21 @@ def check_alone(what: str, model: mujoco.MjModel, trunk: str) -> None:
         )
 
 
+def actuator_limit(model: mujoco.MjModel, actuator: int) -> float:
+    """Return what an actuator gives at most [N·m]; infinite where it has no limit.
+
+    It is its force range, else the control range of a motor.
+    """
+    gear = abs(model.actuator_gear[actuator, 0])
+    if model.actuator_forcelimited[actuator]:
+        return float(gear * np.abs(model.actuator_forcerange[actuator]).min())
+    motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+    if motor and model.actuator_ctrllimited[actuator]:
+        gain = abs(model.actuator_gainprm[actuator, 0])
+        return float(gear * gain * np.abs(model.actuator_ctrlrange[actuator]).min())
+    return np.inf
+
+
 def foot_name(leg: str) -> str:
     """Return the name that the simulation gives to a leg's foot."""
     return f"{leg}_foot"
@@ -216,15 +231,9 @@ def _stall_torque(model: mujoco.MjModel) -> Array:
             model.actuator_trnid[:, 0] == joint
         )
         for actuator in np.flatnonzero(driven):
-            gear = abs(model.actuator_gear[actuator, 0])
-            motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-            if model.actuator_forcelimited[actuator]:
-                limits[index] = gear * np.abs(model.actuator_forcerange[actuator]).min()
-            elif model.jnt_actfrclimited[joint]:
+            limits[index] = actuator_limit(model, int(actuator))
+            if model.jnt_actfrclimited[joint] and not model.actuator_forcelimited[actuator]:
                 limits[index] = np.abs(model.jnt_actfrcrange[joint]).min()
-            elif motor and model.actuator_ctrllimited[actuator]:
-                gain = abs(model.actuator_gainprm[actuator, 0])
-                limits[index] = gear * gain * np.abs(model.actuator_ctrlrange[actuator]).min()
     if not (np.isfinite(limits).all() and (limits > 0.0).all()):
         raise RobotModelError(
             f"xml_file: got the torque limits {limits.tolist()} N·m, expected a positive one for "

@@ -29,16 +29,7 @@ from hcbf_robots import carts
 from hcbf_robots.walkers import walker_policy
 from hcbf_robots.walkers.mjcf_files import read_by
 from hcbf_robots.walkers.walker_model import Parts, indices, walker_spec
-from hcbf_robots.walkers.walker_parts import (
-    SLOWEST_PERIOD,
-    Action,
-    Body,
-    Command,
-    Fall,
-    Phase,
-    Physics,
-    spread,
-)
+from hcbf_robots.walkers.walker_parts import Action, Body, Command, Fall, Phase, Physics, spread
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_response import Response
 from hcbf_robots.walkers.walker_terms import (
@@ -50,20 +41,12 @@ from hcbf_robots.walkers.walker_terms import (
     sensors_of,
 )
 
-NAMES = {
-    "cart": carts.FOLDER / "cart.json",
-    "holonomic-cart": carts.FOLDER / "holonomic-cart.json",
-}
+SLOWEST_PERIOD = 0.2  # of a controller [s]
+
+NAMES = {name: carts.FOLDER / f"{name}.json" for name in ("cart", "holonomic-cart")}
 """name → contract of the walkers that the package brings along."""
 
-_PARTS = {
-    "command": Command,
-    "action": Action,
-    "body": Body,
-    "fall": Fall,
-    "phase": Phase,
-    "physics": Physics,
-}
+_PARTS = {part.__name__.lower(): part for part in (Command, Action, Body, Fall, Phase, Physics)}
 _OPTIONAL = {"phase": None, "physics": Physics()}
 
 
@@ -124,8 +107,8 @@ class Walker:
 
     @property
     def response_file(self) -> Path:
-        """Where what `hcbf identify` measures stands."""
-        return response_file(self.source)
+        """Where `hcbf identify` writes the response: beside the contract."""
+        return _response_file(self.source)
 
     @property
     def files(self) -> list[Path]:
@@ -177,10 +160,7 @@ class Walker:
         Raises:
             HcbfError: if there is none, or it does not fit.
         """
-        return self._make(sizes)(model, self.period)
-
-    def _make(self, sizes: tuple[int, int]) -> walker_policy.Maker:
-        return walker_policy.make(self.policy, self.source.parent, sizes)
+        return walker_policy.make(self.policy, self.source.parent, sizes)(model, self.period)
 
     @cached_property
     def first_phase(self) -> Array:
@@ -231,8 +211,7 @@ class Walker:
             )
 
 
-def response_file(contract: Path) -> Path:
-    """Return where what `hcbf identify` measures of a contract's robot stands: beside it."""
+def _response_file(contract: Path) -> Path:
     return contract.with_suffix(".response.json")
 
 
@@ -244,15 +223,11 @@ def _find(path: str | Path) -> Path:
         )
     if str(path) in NAMES:
         return NAMES[str(path)]
-    if str(path) == "a1":
-        raise UnknownNameError(
-            "unknown robot: got 'a1', which takes accelerations and no velocities, expected "
-            f"gym.make('HCBF-A1Regions-v0') for it, or a contract's path or one of {list(NAMES)}"
-        )
     if isinstance(path, str) and not path.endswith(".json"):
+        a1 = "; the A1, which takes accelerations, is 'HCBF-A1Regions-v0'" if path == "a1" else ""
         raise UnknownNameError(
             f"unknown robot: got {path!r}, expected a contract's path, which ends in .json, or one "
-            f"of {list(NAMES)}"
+            f"of {list(NAMES)}{a1}"
         )
     file = Path(_expanded("robot", str(path)))
     if not file.is_file():
@@ -284,7 +259,7 @@ def _read(file: Path) -> Walker:
     period = finite_float(
         f"{what}: period", data["period"], minimum=0.0, maximum=SLOWEST_PERIOD, exclusive=True
     )
-    beside = response_file(file)
+    beside = _response_file(file)
     response = Response.load(beside) if beside.is_file() else None
     if response is not None:
         response.gains(len(values["command"].limits))  # fit

@@ -13,20 +13,12 @@ from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_floa
 HEADINGS = {
     "velocity": "along the velocity",
     "fixed": "as at the start",
-    "free": "as the turn asks that is set from outside",
+    "free": "by a rate that is set from outside",
 }
-"""What the adapter's own loop does with the heading."""
-
-KINDS = {"position": "home + scale × action", "direct": "scale × action"}
-"""What an actuator is given."""
-
+KINDS = {"position": "home + scale × action", "direct": "scale × action"}  # an actuator's input
 CONES = ("pyramidal", "elliptic")
 
-SLOWEST_PERIOD = 0.2  # Of a controller [s]
-
-
-MOST = 20.0
-"""Of what a robot may be commanded [m/s, rad/s, m]: beyond, the numbers are cm/s or degrees."""
+MOST = 20.0  # of a command [m/s, rad/s, m]: beyond, the numbers are cm/s or degrees
 
 
 @dataclass(frozen=True)
@@ -218,11 +210,7 @@ class Body:
 
 
 def names(what: str, value: object) -> tuple[str, ...]:
-    """Return a list of different names as a tuple.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return a list of different names as a tuple, or raise InvalidInputError."""
     listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
     if not listed or not all(isinstance(name, str) and name for name in listed):
         raise InvalidInputError(f"{what}: got {value!r}, expected a list of names")
@@ -232,11 +220,7 @@ def names(what: str, value: object) -> tuple[str, ...]:
 
 
 def numbers(what: str, value: object) -> tuple[float, ...]:
-    """Return a number or a list of numbers as a tuple; one is for all.
-
-    Raises:
-        InvalidInputError: if it is neither.
-    """
+    """Return numbers, or one for all, as a tuple, or raise InvalidInputError."""
     listed = isinstance(value, list | tuple | np.ndarray)
     array = finite_array(what, value if listed else [value], (None,), largest=1e6)
     if not array.size:
@@ -245,11 +229,7 @@ def numbers(what: str, value: object) -> tuple[float, ...]:
 
 
 def spread(what: str, values: tuple[float, ...], count: int) -> Array:
-    """Return (count,) numbers: as many as there are, or one for all.
-
-    Raises:
-        InvalidInputError: if there are neither one nor `count`.
-    """
+    """Return (count,) numbers of as many, or of one for all, or raise InvalidInputError."""
     if len(values) not in (1, count):
         raise InvalidInputError(f"{what}: got {len(values)} numbers, expected 1 or {count}")
     return np.broadcast_to(np.array(values), count).copy()

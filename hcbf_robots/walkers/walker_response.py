@@ -30,7 +30,7 @@ class Response:
         time_constant: τ of the slowest axis of the velocity [s].
         delay: δ of that axis [s].
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
-        deviation: what position deviates at most from the model's in 99.9 % of the time, over the time
+        deviation: of positions from the model's, at most in 99.9 % of the time, over the time
             that the model takes to follow [m].
         overshoot: by how much the speed of the fast robot exceeds all commands within a
             second, in 99.9 % of the time [m/s].
