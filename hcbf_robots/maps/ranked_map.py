@@ -28,7 +28,6 @@ from hcbf_gym.models.grid import Grid
 from hcbf_robots.maps import packing, reading
 from hcbf_robots.maps.cover import Cover, boxes
 from hcbf_robots.maps.map_class import MapClass
-from hcbf_robots.maps.reading import Cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +41,6 @@ class RankedMap(Several):
         grid: where the cells lie.
         classes: what cells mean; a cell may be of several classes.
         source: the files that it was read from, as `from_dict` takes them; None for arrays.
-        counted: how many cells of the map's file are free, occupied and unknown; None for arrays.
 
     Raises:
         InvalidInputError: if two classes share a name, or cells are not of the grid's shape.
@@ -60,7 +58,6 @@ class RankedMap(Several):
     grid: Grid
     classes: tuple[MapClass, ...]
     source: Mapping[str, Any] | None = field(default=None, repr=False)
-    counted: Cells | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         listed = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
@@ -98,7 +95,7 @@ class RankedMap(Several):
         """Read a map of Nav2, and masks, which are looked up by position as Nav2 does.
 
         A cell that was never seen is unknown, whatever the thresholds of the file. How many cells
-        are free, occupied and unknown is logged, and is `counted` of the map.
+        are free, occupied and unknown is logged.
 
         Args:
             file: YAML of the map server.
@@ -116,8 +113,8 @@ class RankedMap(Several):
                 range, or every cell is strict.
         """
         masks = {} if masks is None else masks
-        grid, classes, counted = reading.read(file, masks, rank, unknown, margin)
-        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin), counted)
+        grid, classes = reading.read(file, masks, rank, unknown, margin)
+        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

@@ -93,11 +93,11 @@ class Adapter:
         self.turns = turns
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
-        """Return the command.
+        """Return the command for the model's velocity in the world [m/s].
 
         Args:
-            vx: of the model in the world [m/s].
-            vy: of the model in the world [m/s].
+            vx: along x.
+            vy: along y.
             yaw: the robot's heading [rad].
             rate: at which it turns [rad/s].
         """

@@ -1,21 +1,4 @@
-"""What a walker's controller observes, as named terms in a list.
-
-| term | entries | meaning |
-|---|---|---|
-| `sensor` | as the sensor has | a sensor of the file, by its `name` |
-| `gravity` | 3 | direction of gravity in the axes of a `site`, or of the trunk |
-| `linear_velocity` | 3 | of the trunk's origin, in its own axes [m/s] |
-| `angular_velocity` | 3 | of the trunk, in its own axes [rad/s] |
-| `joints` | k | positions of the driven joints minus home [rad] |
-| `rates` | k | their velocities [rad/s] |
-| `last_action` | k | the controller's last output |
-| `command` | 2, 3 | (v, ω) or (v_x, v_y, ω) [m/s, rad/s] |
-| `phase` | 2 k | cosines of the clock's phases, then their sines |
-| `state` | nq + nv | MuJoCo's qpos and qvel of the robot |
-| `contacts` | k | 1 where one of the `bodies` is touched by 5 N or more |
-
-A one of your own is a function and a name in `TERMS`.
-"""
+"""What a walker's controller observes, as named terms in a list; `TERMS` takes your own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -102,11 +85,7 @@ def sensors_of(terms: Sequence[Term]) -> set[str]:
 
 
 def add_touch_sensors(spec: mujoco.MjSpec, terms: Sequence[Term]) -> None:
-    """Let the simulation report the net force on the bodies whose contacts are read.
-
-    Raises:
-        RobotModelError: if there is no such body.
-    """
+    """Add sensors of the net force on the bodies whose contacts are read, or raise an error."""
     have = [body.name for body in spec.bodies]
     for term in terms:
         for body in term.options.get("bodies", ()):
@@ -129,18 +108,11 @@ def _touch(body: str) -> str:
 
 
 class Observer:
-    """Writes an observation from the present state.
-
-    Args:
-        terms: in the order of the observation.
-        source: what they read.
+    """Writes an observation of `size` entries, term by term, from the present state.
 
     Raises:
-        RobotModelError: if a term names what the scene has not.
+        RobotModelError: if a term's part is not in the scene.
         InvalidInputError: if there are more scales than entries.
-
-    Attributes:
-        size: of the observation.
     """
 
     def __init__(self, terms: Sequence[Term], source: Source):
@@ -266,16 +238,16 @@ class Kind(NamedTuple):
 
 
 TERMS: dict[str, Kind] = {
-    "sensor": Kind(_sensor, (("name",), ())),
-    "gravity": Kind(_gravity, ((), ("site",))),
-    "linear_velocity": Kind(_linear_velocity),
-    "angular_velocity": Kind(_angular_velocity),
-    "joints": Kind(_joints),
-    "rates": Kind(_rates),
-    "last_action": Kind(_last_action),
-    "command": Kind(_command),
-    "phase": Kind(_phase),
-    "state": Kind(_state),
-    "contacts": Kind(_contacts, (("bodies",), ())),
+    "sensor": Kind(_sensor, (("name",), ())),  # of the file, by its name
+    "gravity": Kind(_gravity, ((), ("site",))),  # (3,) its direction in a site's or trunk's axes
+    "linear_velocity": Kind(_linear_velocity),  # (3,) of the trunk's origin, in its axes [m/s]
+    "angular_velocity": Kind(_angular_velocity),  # (3,) of the trunk, in its axes [rad/s]
+    "joints": Kind(_joints),  # (k,) positions of the driven joints minus home [rad]
+    "rates": Kind(_rates),  # (k,) their velocities [rad/s]
+    "last_action": Kind(_last_action),  # (k,) the controller's last output
+    "command": Kind(_command),  # (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
+    "phase": Kind(_phase),  # (2k,) cosines of the clock's phases, then their sines
+    "state": Kind(_state),  # (nq + nv,) qpos and qvel of the robot
+    "contacts": Kind(_contacts, (("bodies",), ())),  # (k,) 1 where a body is touched by `TOUCH`
 }
 """name → what a controller may observe."""

@@ -27,14 +27,6 @@ def test_the_covered_distance_never_exceeds_the_true_one_and_is_hardly_short_of_
     assert np.quantile((true - np.maximum(covered, 0.0))[near], 0.95) <= 1.5 * CELL
 
 
-def test_a_piece_holds_nothing_farther_than_a_cell_from_an_occupied_square():
-    ranked = room(1)
-    rng = np.random.default_rng(0)
-    points = rng.uniform([0.0, 0.0], [4.0, 3.0], (20_000, 2))
-    inside = points[ranked.distance(points, 1) <= 0.0]
-    assert true_distance(ranked, ranked.classes[0].cells, inside).max() <= CELL + 1e-6
-
-
 @pytest.mark.parametrize("turn", [0.0, 0.4, np.pi / 4])
 def test_a_gap_narrows_by_two_cells_at_most(turn):
     rows, columns = np.indices((200, 200))

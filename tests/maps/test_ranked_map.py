@@ -59,17 +59,13 @@ def test_what_was_never_seen_is_unknown_whatever_the_thresholds(tmp_path, free, 
         cells = {one.name: one.cells for one in ranked.classes}
         assert not cells["occupied"][2, 2]
         assert unknown is None or cells["unknown"][2, 2]
-        assert ranked.counted == RankedMap.load(file).counted
 
 
-def test_a_load_counts_and_logs_what_is_free_occupied_and_unknown(tmp_path, caplog):
+def test_a_load_logs_how_many_cells_are_free_occupied_and_unknown(tmp_path, caplog):
     file = write(tmp_path, free_thresh=0.25, occupied_thresh=0.65)
     with caplog.at_level(logging.INFO, logger="hcbf_robots.maps"):
-        ranked = RankedMap.load(file, unknown=None)
-    assert ranked.counted == (5, 1, 3)  # of the greys 100 and 150, and 205
+        RankedMap.load(file, unknown=None)  # the greys 100, 150 and 205 are unknown
     assert f"map {file}: 5 cells free, 1 occupied, 3 unknown" in caplog.text
-    assert RankedMap.from_dict(ranked.to_dict()).counted == ranked.counted
-    assert room(0).counted is None
 
 
 def test_a_grey_of_a_mask_is_what_its_thresholds_make_of_it(tmp_path):
