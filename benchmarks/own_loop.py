@@ -19,7 +19,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Robot, VelocityFilter
-from hcbf_robots.identification.record import Runner
+from hcbf_robots.identification.identify import Runner
 from hcbf_robots.walkers import Walker
 
 PERIOD = 0.05

@@ -11,7 +11,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
 
-ALONG = 5  # Points along the axis of a capsule, and along each edge of a box
+ALONG = 5  # points along the axis of a capsule, and along each edge of a box
 
 TILT = 0.2  # the greatest tilt of a walking trunk [rad]
 

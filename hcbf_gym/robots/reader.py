@@ -11,7 +11,7 @@ from hcbf_gym.errors import RobotModelError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
 
-CLEARANCE = 0.001  # Between soles and ground where the home pose's height is solved [m]
+CLEARANCE = 0.001  # between soles and ground where the home pose's height is solved [m]
 
 _DEFAULT_LEG = (0.0, 0.9, -1.8)  # [rad] abad, hip and knee where a file has no home pose
 

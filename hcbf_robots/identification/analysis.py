@@ -1,22 +1,31 @@
-"""From what a robot was commanded and what it did to the numbers of its `Response`."""
+r"""The numbers of a `Response`, from a robot's commands and its motion.
+
+.. math:: τ \dot v = g\, c(t - δ) - v
+
+For every τ and δ of a grid the response to the commands is simulated with g = 1; the best g is then
+a ratio of sums. The pair with the least squares is taken: a gait's oscillation does not bias it, as
+nothing measured is fed back.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_robots.identification.model import Fit, fit, late, respond
 from hcbf_robots.walkers.motion_monitor import SHARE
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import LASTING, Response
 
-QUANTILES = (50.0, 95.0, 99.9)  # Of the residual [%]
+TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)  # those that are tried [s]
+LONGEST_DELAY = 0.3  # that is tried [s]
+QUANTILES = (50.0, 95.0, 99.9)  # of the residual [%]
 
-FAST = 0.6  # Share of the greatest speed that was commanded from which on the robot is fast
-RECENT = 1.0  # How far back a greater command excuses a speed [s]
+FAST = 0.6  # share of the greatest speed that was commanded from which on the robot is fast
+RECENT = 1.0  # how far back a greater command excuses a speed [s]
 
 
 class Record(NamedTuple):
@@ -32,6 +41,15 @@ class Record(NamedTuple):
     command: Array
     done: Array
     falls: int = 0
+
+
+class Fit(NamedTuple):
+    """One axis."""
+
+    gain: float  # g
+    time_constant: float  # τ [s]
+    delay: float  # δ [s]
+    predicted: Array  # (n,) what the model makes of the commands
 
 
 class Stop(NamedTuple):
@@ -158,3 +176,38 @@ def _overshoot(command: Command, commanded: Array, record: Record) -> float:
 def _rounded(values: Array) -> tuple[float, float, float]:
     half, most, all_but_few = (round(float(value), 4) for value in values)
     return half, most, all_but_few
+
+
+def fit(command: Array, measured: Array, period: float) -> Fit:
+    """Return the response that explains an axis best.
+
+    Args:
+        command: (n,) what was commanded from each sample on.
+        measured: (n,) what the robot did at it.
+        period: between two samples [s].
+    """
+    best, least = None, np.inf
+    for steps in range(round(LONGEST_DELAY / period) + 1):
+        commanded = late(command, steps * period, period)
+        for tau in TIME_CONSTANTS:
+            unit = respond(commanded, float(tau), period)
+            power = float(unit @ unit)
+            gain = float(unit @ measured) / power if power > 0.0 else 0.0
+            left = measured - gain * unit
+            error = float(left @ left)
+            if error < least:
+                best, least = Fit(gain, float(tau), steps * period, gain * unit), error
+    assert best is not None
+    return best
+
+
+def late(command: Array, delay: float, period: float) -> Array:
+    """Return (n,) the commands as they come after a delay [s], zero before."""
+    return np.concatenate([np.zeros(round(delay / period)), command])[: len(command)]
+
+
+def respond(command: Array, time_constant: float, period: float) -> Array:
+    """Return (n,) the first-order response to a held command, from rest."""
+    keep = float(np.exp(-period / time_constant))
+    # what is commanded from sample k on shows at sample k + 1
+    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], command), dtype=np.float64)

@@ -24,14 +24,21 @@ import numpy as np
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
-from hcbf_robots.identification.analysis import Identified, Record, Stop, analyse, stop_of
-from hcbf_robots.identification.model import LONGEST_DELAY, late
+from hcbf_robots.identification.analysis import (
+    LONGEST_DELAY,
+    Identified,
+    Record,
+    Stop,
+    analyse,
+    late,
+    stop_of,
+)
 from hcbf_robots.walkers.walker_parts import Command
 
 COMMANDED, POSE, TWIST = ("cmd_vx", "cmd_vy", "cmd_w"), ("x", "y", "yaw"), ("vx", "vy", "w")
 UNITS = ("m/s", "m/s", "rad/s")
 
-SHORTEST = 20.0  # Of a log [s]
+SHORTEST = 20.0  # of a log [s]
 GAP, SLOWEST = 1.0, 0.2
 """The longest time between two measurements, and the longest that it may be in the median [s]."""
 VARIES = 4.0
@@ -50,9 +57,9 @@ RESTS, RESTING, BEGINS, SMOOTHED = 1.0, 0.02, 0.2, 0.1
 motion from which it has ended, and over how long noise is smoothed then [s]."""
 YAW_OFF, SLIDES = 0.09, 0.3
 """By how much a yaw may be off [rad], and an axle move aside, as a share of its speed."""
-RISE = math.log(9.0)  # Time constants from 10 to 90 % of a step
-CHANGES = 0.1  # Over which the fastest change of what was done counts [s]
-DEGREES = (30.0, 120.0)  # A turning rate that is so many times what it should be is one in degrees
+RISE = math.log(9.0)  # time constants from 10 to 90 % of a step
+CHANGES = 0.1  # over which the fastest change of what was done counts [s]
+DEGREES = (30.0, 120.0)  # a turning rate that is so many times what it should be is one in degrees
 
 DRIVE = (
     "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "

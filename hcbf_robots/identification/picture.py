@@ -10,7 +10,7 @@ from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_robots.identification.analysis import Identified
 
-SHOWN = 20.0  # How much of the record is drawn [s]
+SHOWN = 20.0  # how much of the record is drawn [s]
 NAMES = {2: ("v [m/s]", "ω [rad/s]"), 3: ("v_x [m/s]", "v_y [m/s]", "ω [rad/s]")}
 """Of the command's entries, by how many there are."""
 

@@ -18,7 +18,7 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask, Places
 from hcbf_gym.errors import InvalidInputError
 
-MOST_PIECES = 500_000  # Of a cover: a raster that needs more shows no walls
+MOST_PIECES = 500_000  # of a cover: a raster that needs more shows no walls
 
 Window = tuple[int, int, int, int]
 

@@ -19,9 +19,9 @@ from hcbf_robots.maps.ranked_map import RankedMap
 NAMES = ("flat", "office", "warehouse")
 FOLDER = Path(__file__).parent / "plans"
 
-SLOW = 0.5  # Speed limit in the zones of the plans [m/s]
-CLEAR = 0.7  # What the way from start to goal leaves to everything but speed zones [m]
-APART = 3.0  # Least distance between start and goal, where the map has such places [m]
+SLOW = 0.5  # speed limit in the zones of the plans [m/s]
+CLEAR = 0.7  # what the way from start to goal leaves to everything but speed zones [m]
+APART = 3.0  # least distance between start and goal, where the map has such places [m]
 _TRIES = 16
 
 

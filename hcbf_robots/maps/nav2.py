@@ -22,14 +22,14 @@ from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
-GREY = 205  # Of a pixel by which map savers write a cell that was never seen
+GREY = 205  # of a pixel by which map savers write a cell that was never seen
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
 UNREAD = ("map_type",)  # written by map servers, read by none
 MODES = ("trinary", "scale", "raw")
 
-LONGEST_TEXT = 65_536  # Bytes of a YAML file that describes a map
+LONGEST_TEXT = 65_536  # bytes of a YAML file that describes a map
 
 _KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
 _IMAGES = {"PPM": "PGM", "PNG": "PNG"}

@@ -23,13 +23,13 @@ _LOGGER = logging.getLogger("hcbf_robots.maps")
 
 USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}  # of `RankedMap.load`
 
-KNOWN_FREE = 25  # A cell whose occupancy is lower is free, in the graded modes, too
+KNOWN_FREE = 25  # a cell whose occupancy is lower is free, in the graded modes, too
 SURELY_OCCUPIED = 65
 """A cell of the map is occupied above that, and unknown between both; a mask counts from free."""
 
 OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
 
-MOST_LIMITS = 16  # Speed limits in one mask, each of which becomes a class
+MOST_LIMITS = 16  # speed limits in one mask, each of which becomes a class
 
 
 def log(file: str | Path, raster: Raster) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.models.grid import Grid
 
-INSET = 1e-3  # Share of a cell by which two must overlap, so that rounding makes no neighbours
-MOST_POINTS = 2_000_000  # Places that are looked up at once
+INSET = 1e-3  # share of a cell by which two must overlap, so that rounding makes no neighbours
+MOST_POINTS = 2_000_000  # places that are looked up at once
 
 
 def onto(grid: Grid, cells: Mask, of: Grid) -> tuple[Mask, bool]:

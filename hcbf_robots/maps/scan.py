@@ -23,7 +23,7 @@ from hcbf_gym.models.constants import ON_EARTH
 from hcbf_robots.maps import surfaces
 from hcbf_robots.maps.surfaces import EDGE
 
-FINE = 0.005  # By how much a surface may bend before it becomes two pieces [m]
+FINE = 0.005  # by how much a surface may bend before it becomes two pieces [m]
 
 REACH = 6.0  # from the sensor [m]: by default nothing beyond is taken
 

@@ -51,16 +51,16 @@ from hcbf_gym.models.plant import Reason
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response, assumed
 
-SHORTEST = 0.1  # The shortest window [s]: a few samples of any loop
-LASTING = 0.08  # D of an unmeasured robot, a share of its greatest speed
+SHORTEST = 0.1  # the shortest window [s]: a few samples of any loop
+LASTING = 0.08  # d of an unmeasured robot, a share of its greatest speed
 BEYOND = 1.45  # K: hours show greater residuals than the minutes of identification
-ADDS_UP = _core.RESIDUALS_ADD_UP  # Over how many W₀ residuals add up
+ADDS_UP = _core.RESIDUALS_ADD_UP  # over how many W₀ residuals add up
 SHARE, DOUBTED = 0.15, 0.2
 """a: share of the motion that may be missing or too much, and of an unmeasured robot."""
 ARC = 0.4
 """A: how far from the line, as a share of its length, a robot is whose τ and δ are between. Of
 commands that swing at up to 5 rad/s it is no more, of faster ones hardly anything shows."""
-PAUSE = 1.5  # Periods from one sample to the next, beyond which some are missing
+PAUSE = 1.5  # periods from one sample to the next, beyond which some are missing
 
 
 class MotionMonitor:

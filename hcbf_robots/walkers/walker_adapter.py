@@ -27,7 +27,7 @@ from hcbf_gym.arrays import Array
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import LEAST_GAIN, MOST_GAIN, UNKNOWN, Response
 
-TURNING = 2.0  # Gain of the heading's loop [1/s]
+TURNING = 2.0  # gain of the heading's loop [1/s]
 HEADING_STARTS, HEADING_STOPS = _core.HEADING_STARTS, _core.HEADING_STOPS
 """Speeds [m/s] above which the heading follows the velocity, and below which it is held."""
 
@@ -35,7 +35,7 @@ TURNED = 0.25
 """By how much a robot of 1 m/s that moves in any direction may turn in the time in which a command
 shows, and is held [rad]; a faster one by less. Its velocity is off by as much where it begins to
 turn, or to turn back: so its rate changes no faster than to that in the same time."""
-ROUND = 0.5  # Share of the robot's braking that a velocity may need which turns with its body
+ROUND = 0.5  # share of the robot's braking that a velocity may need which turns with its body
 
 
 class Adapter:

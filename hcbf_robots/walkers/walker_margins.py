@@ -18,20 +18,20 @@ from hcbf_gym.models.plant import Uncertainty
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response
 
-LEAST_DISTANCE = 0.02  # What rows reserve for any robot [m]
-LEAST_SPEED = 0.05  # What a speed limit reserves for any robot [m/s]
+LEAST_DISTANCE = 0.02  # what rows reserve for any robot [m]
+LEAST_SPEED = 0.05  # what a speed limit reserves for any robot [m/s]
 BEYOND = 1.1
 """Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
 SETTLES = 0.7
 """1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
 a long turn, the robot settles nearer than its row requires."""
-FARTHER = 1.25  # Of τ + δ + T that the body is taken to go on with a velocity error
-MOST = 0.25  # What the tracking error may add to a row [m]
+FARTHER = 1.25  # of τ + δ + T that the body is taken to go on with a velocity error
+MOST = 0.25  # what the tracking error may add to a row [m]
 SOONER = 4.0  # how often a late body's path beyond its margin is added to its stopping distance
 LATEST_OF_POINT, LATEST_OF_AXLE = 0.4, 0.5
 """τ + δ from which on robots have entered what they drove straight at [s], such as move in every
 direction by up to 3 cm at .3 m/s, differential drives by 1 cm at .5 m/s and 14 cm at 1.5 m/s."""
-OVERSHOOT = 0.3  # Share of the velocity error that a speed limit reserves
+OVERSHOOT = 0.3  # share of the velocity error that a speed limit reserves
 
 
 def uncertainty(response: Response, period: float) -> Uncertainty:

@@ -17,8 +17,8 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_robots.walkers.walker_parts import Command
 
 LASTING = 4.0  # over which the residual has averaged out [s]
-LEAST_GAIN = 0.5  # A robot that gives less of the commanded speed does not follow
-MOST_GAIN = 1.5  # A gain beyond is taken for an error of measurement
+LEAST_GAIN = 0.5  # a robot that gives less of the commanded speed does not follow
+MOST_GAIN = 1.5  # a gain beyond is taken for an error of measurement
 
 
 @dataclass(frozen=True)

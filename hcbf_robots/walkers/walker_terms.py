@@ -13,7 +13,7 @@ from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, c
 from hcbf_robots.walkers.walker_model import Indices, Parts, as_slice
 from hcbf_robots.walkers.walker_parts import names, numbers, spread
 
-TOUCH = 5.0  # Force from which on a body counts as touched [N]
+TOUCH = 5.0  # force from which on a body counts as touched [N]
 
 
 class Source(NamedTuple):

@@ -248,9 +248,7 @@ def test_the_common_solvers_that_are_installed_agree_with_the_core(name):
         rng = np.random.default_rng(2)
         for n_u in (1, 2, 3, 5):
             box = Box.symmetric(4.0, n_u=n_u)
-            core, named = (
-                programs.make(name, input_set=box, solver=one) for one in (None, solver)
-            )
+            core, named = (programs.make(name, input_set=box, solver=one) for one in (None, solver))
             for _ in range(10 if solver in ("daqp", "clarabel") else 2):
                 a, b = rng.normal(0.0, 1.0, (5, n_u)), rng.normal(0.0, 5.0, 5)
                 rows, u_nominal = rows_of(a, b, [1, 2, 3, 2, 1]), rng.normal(0.0, 3.0, n_u)

@@ -102,7 +102,9 @@ def test_half_or_twice_of_a_command_for_2_s_at_half_speed_is_never_silent(
     command = COMMANDS[name]
     least = 0.01 * command.forward
     residual = 0.0, 2.0 * least, 5.0 * least
-    known = replace(LATE, gain=(), delay=0.0, deviation=least, residual=residual) if response else None
+    known = (
+        replace(LATE, gain=(), delay=0.0, deviation=least, residual=residual) if response else None
+    )
     monitor, place, speed = MotionMonitor(command, known), 0.0, 0.0
     given, alarmed = share * command.forward * np.eye(len(command.limits))[0], math.inf
     tau = 0.3 if response is None else LATE.time_constant
@@ -208,7 +210,9 @@ def test_a_stop_at_once_takes_the_path_that_brakes_need(gap):
 def test_the_first_command_after_a_change_of_filters_is_followed_by_braking():
     """A robot that moves is commanded back at once: it brakes as it was measured to."""
     command = Command(forward=1.0, turn=2.0, look_ahead=0.2)
-    measured = Response(time_constant=0.02, delay=0.0, deviation=0.004, braking=3.5, residual=(0, 0, 0))
+    measured = Response(
+        time_constant=0.02, delay=0.0, deviation=0.004, braking=3.5, residual=(0, 0, 0)
+    )
     monitor, x, v = MotionMonitor(command, measured), 0.0, 0.5
     for k in range(60):
         assert not ahead(monitor, x, v, 0.02 * k), k

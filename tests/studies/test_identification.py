@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box
 from hcbf_robots.identification import command
+from hcbf_robots.identification.analysis import fit, late, respond
 from hcbf_robots.identification.identify import identify
-from hcbf_robots.identification.model import fit, late, respond
 from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_margins import braked, uncertainty
 from hcbf_robots.walkers.walker_response import Response

@@ -11,9 +11,9 @@ from drives import HEADER, drive, recorded, write
 
 from hcbf_gym.errors import InvalidInputError
 from hcbf_robots.identification import command
+from hcbf_robots.identification.analysis import respond
 from hcbf_robots.identification.identify import identify
 from hcbf_robots.identification.log import identify_log, read
-from hcbf_robots.identification.model import respond
 from hcbf_robots.online import Response
 from hcbf_robots.walkers import Walker
 
