@@ -24,42 +24,27 @@ import numpy as np
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
-from hcbf_robots.identification.analysis import (
-    LONGEST_DELAY,
-    Identified,
-    Record,
-    Stop,
-    analyse,
-    late,
-    stop_of,
-)
+from hcbf_robots.identification import analysis
+from hcbf_robots.identification.analysis import LONGEST_DELAY, Identified, Record, Stop
 from hcbf_robots.walkers.walker_parts import Command
 
 COMMANDED, POSE, TWIST = ("cmd_vx", "cmd_vy", "cmd_w"), ("x", "y", "yaw"), ("vx", "vy", "w")
 UNITS = ("m/s", "m/s", "rad/s")
 
 SHORTEST = 20.0  # of a log [s]
-GAP, SLOWEST = 1.0, 0.2
-"""The longest time between two measurements, and the longest that it may be in the median [s]."""
-VARIES = 4.0
-"""By how many times its greatest value an entry must have changed, all changes added up."""
-WHOLE = 0.5
-"""Share of its greatest speed from which a stop counts, and of a contract's limit that must have
-been commanded."""
-BEFORE, AFTER, RAMP = 1.0, 1.0, 0.7
-"""How long a run and the stop after it must last, and how long the command may fall between [s]."""
-AGREES, WITHIN = 0.25, 0.5
-"""Share of the motion within which pose and twist must agree, over so many seconds [s]."""
-EARLIEST, LATEST = 0.06, 1.0
-"""How far what was done is looked for before and after what was commanded [s]."""
+GAP, SLOWEST = 1.0, 0.2  # between two measurements at most, and in the median [s]
+VARIES = 4.0  # changes of an entry, added up, as multiples of its greatest value
+WHOLE = 0.5  # share of its greatest speed from which a stop counts, and of a contract's limit
+BEFORE, AFTER, RAMP = 1.0, 1.0, 0.7  # lengths of a run, its stop, and the ramp between [s]
+AGREES, WITHIN = 0.25, 0.5  # share in which pose and twist agree, over so many seconds [s]
+EARLIEST, LATEST = 0.06, 1.0  # how far motion is looked for before and after its command [s]
+# length of a rest [s], the greatest share of a command in it, the share of the greatest motion
+# that ends it, and over how long noise is smoothed then [s]
 RESTS, RESTING, BEGINS, SMOOTHED = 1.0, 0.02, 0.2, 0.1
-"""How long a rest lasts [s], the share of the greatest command that is one, that of the greatest
-motion from which it has ended, and over how long noise is smoothed then [s]."""
-YAW_OFF, SLIDES = 0.09, 0.3
-"""By how much a yaw may be off [rad], and an axle move aside, as a share of its speed."""
+YAW_OFF, SLIDES = 0.09, 0.3  # of a yaw [rad], and of an axle aside, as a share of its speed
 RISE = math.log(9.0)  # time constants from 10 to 90 % of a step
-CHANGES = 0.1  # over which the fastest change of what was done counts [s]
-DEGREES = (30.0, 120.0)  # a turning rate that is so many times what it should be is one in degrees
+CHANGES = 0.1  # over which the fastest change counts [s]
+DEGREES = (30.0, 120.0)  # a turning rate that is so many times too great is in degrees
 
 DRIVE = (
     "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
@@ -107,7 +92,7 @@ def identify_log(
     _check_degrees(record)
     stops = _stops(record, command)
     commanded = record, record._replace(command=_within_reach(record))
-    found = (analyse(command, one, stops) for one in commanded)
+    found = (analysis.analyse(command, one, stops) for one in commanded)
     best = min(found, key=lambda one: one.response.residual[1])
     rise = round(RISE * best.response.time_constant, 3)
     return best._replace(response=replace(best.response, rise=rise)), command
@@ -348,7 +333,7 @@ def _check_clock(record: Record, apart: float) -> None:
             "one clock for commands and measurements: its lag would hide how late commands are "
             "stamped"
         )
-    if abs(float(late(commanded, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
+    if abs(float(analysis.late(commanded, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
         raise InvalidInputError(f"log: the robot does not move; {DRIVE}")
 
 
@@ -424,7 +409,7 @@ def _stops(record: Record, command: Command) -> list[Stop]:
             until = rest + after
             while until < min(len(commanded), rest + 2 * after) and still[until]:
                 until += 1
-            found.append(stop_of(moved[k - before : k], moved[k:until]))
+            found.append(analysis.stop_of(moved[k - before : k], moved[k:until]))
     if not found:
         raise InvalidInputError(
             f"log: got no stop from at least half of the greatest speed, held for {BEFORE:g} s, to "

@@ -52,7 +52,7 @@ from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response, assumed
 
 SHORTEST = 0.1  # the shortest window [s]: a few samples of any loop
-LASTING = 0.08  # d of an unmeasured robot, a share of its greatest speed
+LASTING = 0.08  # D of an unmeasured robot, a share of its greatest speed
 BEYOND = 1.45  # K: hours show greater residuals than the minutes of identification
 ADDS_UP = _core.RESIDUALS_ADD_UP  # over how many W₀ residuals add up
 SHARE, DOUBTED = 0.15, 0.2

@@ -25,7 +25,7 @@ BEYOND = 1.1
 SETTLES = 0.7
 """1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
 a long turn, the robot settles nearer than its row requires."""
-FARTHER = 1.25  # of τ + δ + T that the body is taken to go on with a velocity error
+FARTHER = 1.25  # of τ + δ + T that the body continues with a velocity error
 MOST = 0.25  # what the tracking error may add to a row [m]
 SOONER = 4.0  # how often a late body's path beyond its margin is added to its stopping distance
 LATEST_OF_POINT, LATEST_OF_AXLE = 0.4, 0.5
