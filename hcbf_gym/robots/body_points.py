@@ -83,15 +83,7 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
 
 
 def stand(data: mujoco.MjData, position: Array, height: float, yaw: float, home: Array) -> None:
-    """Put a robot that comes first in a scene at rest.
-
-    Args:
-        data: written to.
-        position: (2,) of its trunk [m].
-        height: of its trunk [m].
-        yaw: [rad].
-        home: (j,) of its joints [rad].
-    """
+    """Put a scene's first robot at rest: trunk (2,) and its height [m], yaw, joints (j,) [rad]."""
     data.qpos[:2] = position
     data.qpos[2] = height
     data.qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)

@@ -97,16 +97,7 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
 
 
 def check_alone(what: str, model: mujoco.MjModel, trunk: str) -> None:
-    """Refuse a file in which something stands besides the robot.
-
-    Args:
-        what: the file, for the message.
-        model: compiled from it.
-        trunk: the robot's first body.
-
-    Raises:
-        RobotModelError: if something does.
-    """
+    """Refuse a file, named `what`, with bodies or geoms besides the robot by a RobotModelError."""
     alone = model.body_rootid == model.body(trunk).id
     strangers = [model.body(i).name for i in np.flatnonzero(~alone[1:]) + 1]
     ground = int((model.geom_bodyid == 0).sum())

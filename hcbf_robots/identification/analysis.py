@@ -29,18 +29,13 @@ RECENT = 1.0  # how far back a greater command excuses a speed [s]
 
 
 class Record(NamedTuple):
-    """What was commanded and what was done, in the axes in which commands are commanded.
+    """What was commanded and done, in the axes of commands."""
 
-    Attributes:
-        command: (n, k) commanded from each sample on [m/s, rad/s].
-        done: (n, k) at each sample; of a differential drive the point's velocity in the robot's
-            axes comes first, then the turning rate.
-        falls: how often the robot fell; it went on from the start then.
-    """
-
-    command: Array
+    command: Array  # (n, k) commanded from each sample on [m/s, rad/s]
+    # (n, k) at each sample; of a differential drive the point's velocity in the robot's axes comes
+    # first, then the turning rate
     done: Array
-    falls: int = 0
+    falls: int = 0  # how often the robot fell, and started again
 
 
 class Fit(NamedTuple):
@@ -78,10 +73,10 @@ def analyse(
     """Return how a robot follows.
 
     Args:
-        command: what it may be commanded.
+        command: its limits.
         record: under commands that change.
         stops: from runs, one at least.
-        creeping: records of commands that grow slowly, if there are any.
+        creeping: records of commands that grow slowly.
         seconds: how long it counts as observed [s]; None for the record's length.
     """
     fits = tuple(
@@ -112,12 +107,7 @@ def analyse(
 
 
 def stop_of(run: Array, after: Array) -> Stop:
-    """Return how a run ended.
-
-    Args:
-        run: (n, 2) velocities from the step of the command on [m/s].
-        after: (m, 2) velocities from the command to stop on [m/s].
-    """
+    """Return how a run ended, by velocities (n, 2) in it and (m, 2) from its end on [m/s]."""
     ahead = run.mean(axis=0)
     length = float(np.hypot(*ahead))
     along = ahead / length if length > 0.0 else ahead
@@ -179,13 +169,7 @@ def _rounded(values: Array) -> tuple[float, float, float]:
 
 
 def fit(command: Array, measured: Array, period: float) -> Fit:
-    """Return the response that explains an axis best.
-
-    Args:
-        command: (n,) what was commanded from each sample on.
-        measured: (n,) what the robot did at it.
-        period: between two samples [s].
-    """
+    """Return the response that explains what was measured (n,) best, by commands (n,) held each."""
     best, least = None, np.inf
     for steps in range(round(LONGEST_DELAY / period) + 1):
         commanded = late(command, steps * period, period)

@@ -25,12 +25,7 @@ stands where it is commanded to go slowly."""
 
 
 class Runner:
-    """Runs a walker on an empty, flat floor, telling it commands in its own axes.
-
-    Args:
-        walker: the robot.
-        seed: decides what is random.
-    """
+    """Runs a walker on an empty, flat floor by commands in its own axes; the seed decides them."""
 
     def __init__(self, walker: Walker, seed: int):
         self.walker = walker
@@ -69,12 +64,7 @@ class Runner:
         return np.array([ahead, aside, float(simulation.data.qvel[5])])
 
     def wander(self, seconds: float, rates: Array) -> Record:
-        """Give random commands, each held for a random time, for so long [s].
-
-        Args:
-            seconds: altogether [s].
-            rates: (k,) at which a command changes into the next [m/s², rad/s²].
-        """
+        """Give random commands, each held for a random time, which change at rates (k,) at most."""
         limits, parts = self.walker.command.limits, []
         command, passed = np.zeros(len(limits)), 0.0
         while passed < seconds:
@@ -130,13 +120,7 @@ def joined(parts: list[Record]) -> Record:
 
 
 def identify(walker: Walker, seconds: float, seed: int) -> Identified:
-    """Return how a walker follows commands: stops first, then random ones that it could follow.
-
-    Args:
-        walker: the robot.
-        seconds: of random commands [s].
-        seed: decides them.
-    """
+    """Return how a walker follows: stops first, then `seconds` of random commands."""
     runner, begin = Runner(walker, seed), round(RUN / CONTROL_DT)
     runs = [runner.stop(command) for command in _runs(walker)]
     moved = [walker.command.in_plane(one.done) for one in runs]

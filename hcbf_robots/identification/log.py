@@ -66,11 +66,11 @@ class Log(NamedTuple):
 def identify_log(
     path: Path, command: Command | None = None, look_ahead: float | None = None
 ) -> tuple[Identified, Command]:
-    """Return how a robot follows, from the log of a drive, and what it may be commanded.
+    """Return how a robot follows, from the CSV file of a drive, and what it may be commanded.
 
     Args:
-        path: of the CSV file.
-        command: what the robot may be commanded; None takes the greatest that it was commanded.
+        path: of the file.
+        command: its limits; None takes the greatest commands.
         look_ahead: ℓ of a differential drive without a contract [m].
 
     Raises:
@@ -99,11 +99,7 @@ def identify_log(
 
 
 def read(path: Path) -> Log:
-    """Read a log.
-
-    Raises:
-        InvalidInputError: if there is none; the message names the line.
-    """
+    """Read a log, or raise an InvalidInputError that names the line."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file, strict=True))

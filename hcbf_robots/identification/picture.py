@@ -16,13 +16,7 @@ NAMES = {2: ("v [m/s]", "ω [rad/s]"), 3: ("v_x [m/s]", "v_y [m/s]", "ω [rad/s]
 
 
 def plot(identified: Identified, title: str, path: Path) -> None:
-    """Draw every entry of the command: commanded, done, and what the fitted response makes of it.
-
-    Args:
-        identified: what was measured.
-        title: of the picture.
-        path: to write to.
-    """
+    """Draw every entry of the command: commanded, done, and the fitted response."""
     record, fits = identified.record, identified.fits
     shown = round(SHOWN / CONTROL_DT)
     time = CONTROL_DT * np.arange(len(record.command[:shown]))

@@ -33,11 +33,7 @@ class Cover(NamedTuple):
 
     @classmethod
     def of(cls, cells: Mask) -> Self:
-        """Return the cover of all true cells (rows, columns).
-
-        Raises:
-            InvalidInputError: if it needs more than `MOST_PIECES`.
-        """
+        """Return the cover of all true cells (rows, columns), of `MOST_PIECES` at most."""
         owner = np.full(cells.shape, -1, dtype=np.int32)
         whole = (0, 0, cells.shape[0], cells.shape[1])
         return cls(*_core.cover_cells(cells, whole, owner, 0), owner)._checked()
@@ -55,14 +51,8 @@ class Cover(NamedTuple):
     def after(self, cells: Mask, window: Window) -> Self:
         """Return the cover of `cells`, which differ from those covered here in a window alone.
 
-        Pieces that come within a cell of the window are made anew, the others stay.
-
-        Args:
-            cells: (rows, columns) as they are now.
-            window: first row, first column, and the row and column after the last.
-
-        Raises:
-            InvalidInputError: if it needs more than `MOST_PIECES`.
+        Pieces that come within a cell of the window are made anew, the others stay. The window is
+        its first row and column, and the row and column after its last.
         """
         low_row, low_column, high_row, high_column = window
         inner = np.arange(self.corners.shape[1]) < self.sizes[:, None]

@@ -33,9 +33,6 @@ def through(floor: RankedMap, rng: np.random.Generator, start: Array, goal: Arra
         rng: gives as many numbers for every path.
         start: (2,) where the path's start is written [m].
         goal: (2,) where its end is written [m].
-
-    Raises:
-        InvalidInputError: if there is no place for a body.
     """
     found = places(floor)
     first, *others = found[rng.integers(len(found), size=1 + _TRIES)]
@@ -64,11 +61,7 @@ def load(plan: str) -> RankedMap:
 
 
 def described(data: object) -> RankedMap:
-    """Return the map that a plain dict describes, read and covered once.
-
-    Raises:
-        InvalidInputError: if it describes none.
-    """
+    """Return the map that a plain dict describes, read and covered once."""
     records.check_mapping("map", data)
     return _described(json.dumps(records.plain(data), sort_keys=True))
 
@@ -80,11 +73,7 @@ def _described(text: str) -> RankedMap:
 
 @lru_cache(maxsize=8)
 def places(floor: RankedMap) -> Array:
-    """Return (K, 2) the middles of cells where a body can be, all joined by ways [m].
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return (K, 2) the middles of cells where a body can be, all joined by paths [m]."""
     from scipy import ndimage
 
     shut = np.zeros(floor.grid.shape, dtype=np.bool_)

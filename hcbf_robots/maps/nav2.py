@@ -127,12 +127,8 @@ def _text(path: Path) -> str:
 def parse(text: str, name: str) -> dict[str, Any]:
     """Return the keys of a YAML file with one level: numbers, texts, and lists of numbers.
 
-    Args:
-        text: of the file.
-        name: what messages call it.
-
     Raises:
-        InvalidInputError: on anything else, and on a key that stands there twice.
+        InvalidInputError: on anything else, and on a key that is there twice.
     """
     keys: dict[str, Any] = {}
     listed: list[Any] | None = None

@@ -32,11 +32,7 @@ def packed(grid: Grid, classes: tuple[MapClass, ...]) -> dict[str, object]:
 
 
 def unpacked(data: Mapping[str, Any]) -> tuple[Grid, tuple[MapClass, ...]]:
-    """Return the grid and the classes that `packed` described.
-
-    Raises:
-        InvalidInputError: if a key is missing or unknown, or the text holds no such cells.
-    """
+    """Return the grid and the classes that `packed` described."""
     check_options("map", data, KEYS)
     missing = [key for key in KEYS if key not in data]
     if missing:

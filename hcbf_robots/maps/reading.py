@@ -125,13 +125,8 @@ def _of_mask_file(
 def of_mask(raster: Raster, label: str, fields: dict[str, Any]) -> list[MapClass]:
     """Return the classes of a mask: one keepout, or one for each speed limit in it.
 
-    Args:
-        raster: the mask.
-        label: names it in messages.
-        fields: of `MapClass` but for the cells; "base" and "multiplier" in the place of "limit".
-
-    Raises:
-        InvalidInputError: if a field is missing, unknown or out of range.
+    The fields are those of `MapClass` but for the cells, with "base" and "multiplier" in place of
+    "limit"; `label` names it in messages.
     """
     base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
     if base is None and multiplier is None:

@@ -16,11 +16,6 @@ def onto(grid: Grid, cells: Mask, of: Grid) -> tuple[Mask, bool]:
 
     As in Nav2 a cell counts whose centre lies in one of the others; so does each cell that one of
     them reaches into, as what is strict may not be entered anywhere.
-
-    Args:
-        grid: whose cells are returned.
-        cells: (rows, columns) of the other.
-        of: the other.
     """
     if grid == of:
         return cells, False

@@ -142,13 +142,8 @@ def tolerance(noise: float) -> float:
 def reserved(noise: float, period: float, speed: float, margin: float) -> float:
     """Return m + 2 n + b + v T, what a scan reserves around its pieces [m].
 
-    A point is off by n from what was met, and its piece by the tolerance n + b from the point.
-
-    Args:
-        noise: n, by how much a range is wrong at most [m].
-        period: T, how old the scan becomes [s].
-        speed: v, of the fastest thing around [m/s].
-        margin: m, in any case [m].
+    A point is off by the noise n from what was met, and its piece by the tolerance n + b from the
+    point. T is the period and v the speed.
     """
     return margin + tolerance(noise) + (noise + period * speed)
 

@@ -1,44 +1,18 @@
-r"""Measured against predicted motion of a robot that follows commands.
+"""Measured against predicted motion of a robot that follows commands.
 
-In the robot's own axes the response (`walker_response`) turns commands into a velocity v̂. Over
-every sample of length T, with Δp the motion of the point that follows, in the axes of the mean
-heading, and for windows W that double from W₀, the larger of τ + δ and `SHORTEST`,
+MOTION compares positions with the measured twist, at the times of their measurement. RESPONSE
+compares them with the velocity v̂ that the response (`walker_response`) makes of the commands, over
+windows that double from W₀, the larger of τ + δ and `SHORTEST`. The response's residuals set the
+bounds: S is the greatest mean residual over the time in which the robot follows, D the part of it
+that remains over long times. "Failing closed" has the law, the core computes it
+(`motion_monitor.hpp`, `monitor.hpp`).
 
-.. math::
-    r ← (1 - T/W) r + Δp - ∫v̂ \, dt, \quad m ← (1 - T/W) m + ∫‖v̂‖ dt, \quad
-    w ← (1 - T/W) w + T.
-
-The alarm RESPONSE is raised where in any window
-
-.. math:: ‖r‖ > D w + (K S - D) \min(\sqrt{W_0 w}, 2 W_0) + a\, m + d
-
-with the greatest mean residual S over the time in which the robot follows, and D the part of it
-that remains over long times: the response's residuals set both. d is unknown: the effect of a
-command after its time; ``‖∫(v̂ - v_b) dt‖``, with v_b the velocity of a robot that follows like v̂,
-but changes it no harder than it brakes, and its overshoot meanwhile.
+A gait's oscillation hides many a fault in the missing motion. Motion that is late, scaled or turned
+correlates with v̂, the oscillation does not: so correlations over longer windows are compared, too.
 
 An unmeasured robot follows with any τ and δ up to those that the rows assume. v̂ has the greatest
-of both, and with c the commands, those of a robot without either lead to
-
-.. math:: q ← (1 - T/W) q + ∫(c - v̂) \, dt.
-
-Every robot between the two is near the line from 0 to q: instead of ``‖r‖`` its distance from that
-line is compared, and the bound grows by A times the greatest ``‖q‖`` in the window.
-
-A gait's oscillation hides many a fault in r. Motion that is late, scaled or turned correlates with
-v̂, the oscillation does not. With e the mean residual of a sample, J the quarter turn, windows W of
-at least 4 s and 16 W₀, and 1 s and 4 W₀, and over the samples at which ``‖v̂‖`` is above a quarter
-of the greatest speed,
-
-.. math::
-    c ← (1 - T/W) c + T (e·v̂, e·Jv̂), \quad E ← (1 - T/W) E + T ‖v̂‖^2,
-
-and the alarm is raised where in both windows ``‖c‖ > a E + k K S √(W₀ E) + d'``: c/E is the share
-of v̂ that is missing, or too much, along it and across; d' is d times the commanded speed. A window
-is judged once it has seen W₀/k of motion, up to where the oscillation may correlate with all of it.
-
-The alarm MOTION compares positions with the measured twist, at the times of their measurement: the
-core has the law (`monitor.hpp`), and what it allows for noisy positions (`motion_monitor.hpp`).
+of both, and a robot without either moves by q more: every robot between is near the line from 0 to
+q, and its distance from that line is compared.
 """
 
 import math
@@ -124,10 +98,7 @@ class MotionMonitor:
     def command(self, command: Array, time: float, until: float = math.inf) -> None:
         """Note the robot's command (k,), in its own axes [m/s, rad/s], from a time on [s].
 
-        Args:
-            command: of it.
-            time: from when on [s].
-            until: until when [s]; from then on it is zero, which the robot may not yet follow.
+        From the time `until` on it is zero, which the robot may not yet follow.
         """
         follows = self._gains * command
         ahead, aside = self._command.in_plane(follows)
@@ -148,8 +119,6 @@ class MotionMonitor:
 
     def propagate(self, pose: Array, twist: Array, since: float, now: float) -> float:
         """Propagate a robot by its commands, and return what its position may be off [m].
-
-        It is what the alarm lets pass of the motion since.
 
         Args:
             pose: (3,) of the centre then [m, rad]; written to.

@@ -140,12 +140,7 @@ class Walker:
         return spread("action: scale", self.action.scale, len(parts.actuators))
 
     def offset(self, parts: Parts, at: Integers) -> Array:
-        """Return (k,) what is added to it: home, or nothing.
-
-        Args:
-            parts: names of the robot's parts.
-            at: (k,) of the driven joints in qpos.
-        """
+        """Return (k,) what is added to it: home, or nothing; `at` (k,) are the joints in qpos."""
         if self.action.kind == "direct":
             return np.zeros(len(parts.actuators))
         return parts.home[at - 7]
@@ -156,9 +151,6 @@ class Walker:
         Args:
             sizes: n of the observation and k of the action.
             model: the compiled scene.
-
-        Raises:
-            HcbfError: if there is none, or it does not fit.
         """
         return walker_policy.make(self.policy, self.source.parent, sizes)(model, self.period)
 

@@ -93,14 +93,7 @@ class Adapter:
         self.turns = turns
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
-        """Return the command for the model's velocity in the world [m/s].
-
-        Args:
-            vx: along x.
-            vy: along y.
-            yaw: the robot's heading [rad].
-            rate: at which it turns [rad/s].
-        """
+        """Return the command for a velocity in the world [m/s], a heading [rad] and its rate."""
         soon = yaw + rate * self._follows
         cos, sin = math.cos(soon), math.sin(soon)
         ahead, aside = cos * vx + sin * vy, cos * vy - sin * vx

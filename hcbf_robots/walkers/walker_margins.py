@@ -39,11 +39,8 @@ def uncertainty(response: Response, period: float) -> Uncertainty:
 
     A body that is faster towards a region than its command continues for ``τ + δ + T``. One that
     stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
-    at h = m − (1/α₁' + 1/α₂') e. Its residual while it follows is reserved in any case.
-
-    Args:
-        response: of the robot.
-        period: T, between two inputs [s].
+    at h = m − (1/α₁' + 1/α₂') e. Its residual while it follows is reserved in any case. T is the
+    period between two inputs [s].
     """
     follows = response.follows
     _, often, _ = response.residual
@@ -64,7 +61,7 @@ def margins(response: Response, period: float, robot: str, more: float = 0.0) ->
         response: of the robot.
         period: T [s].
         robot: its identity, see `certificates.robot_of`.
-        more: what rows [m] and the speed limit [m/s] reserve besides the law's.
+        more: added to what rows [m] and the speed limit [m/s] reserve.
     """
     law = uncertainty(response, period)
     law = law._replace(distance=law.distance + more, speed=law.speed + more)
@@ -74,13 +71,8 @@ def margins(response: Response, period: float, robot: str, more: float = 0.0) ->
 def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tuple[float, bool]:
     """Return the cap on the speed [m/s], and whether nothing but the robot's motors sets it.
 
-    Args:
-        command: its limits.
-        v_max: the user's cap [m/s].
-        scene: the scene's, for any robot [m/s].
-
     Raises:
-        InvalidInputError: if the user's is more than the robot may be commanded.
+        InvalidInputError: if the user's `v_max` is more than the robot may be commanded.
     """
     most = command.forward
     if v_max is None:
@@ -98,12 +90,8 @@ def speed_row(cap: float, reserved: float, is_own: bool) -> float:
     """Return v_max of the row of the speed limit [m/s].
 
     Where the robot's own motors cap its speed, the row counts by what they exceed the greatest
-    command, ``v_max = m + √(m² + cap²)``, so that it leaves the model that command.
-
-    Args:
-        cap: on the speed [m/s].
-        reserved: m, what the row reserves [m/s].
-        is_own: whether the robot's own motors set it.
+    command, ``v_max = m + √(m² + cap²)``, so that it leaves the model that command. m is what the
+    row reserves [m/s].
 
     Raises:
         InvalidInputError: if the row leaves no speed.
@@ -158,12 +146,8 @@ def stops(response: Response, speed: float, input_set: InputSet) -> float | None
     Until a body of the speed v slows down it moves by v (τ + δ). Its margin grows by c a (τ + δ),
     and by `cap` at most, as the model brakes with a: no sooner than the lag itself, when U has no
     more. So the rest of its path, ``x = (τ + δ) v − min(cap, c a (τ + δ))``, is taken from the
-    braking `SOONER` times: ``v² / (2 a) + SOONER x = v² / (2 stops)``.
-
-    Args:
-        response: of the robot.
-        speed: v, the greatest that it is commanded [m/s].
-        input_set: U, which brakes with a.
+    braking `SOONER` times: ``v² / (2 a) + SOONER x = v² / (2 stops)``. v is the greatest speed that
+    it is commanded [m/s].
     """
     able, follows = (1.0 - braking.RESERVE) * braking.weakest(input_set), response.follows
     beyond = max(0.0, follows * speed - min(MOST, SETTLES * able * follows))

@@ -67,11 +67,7 @@ class Command:
         choose("heading", self.heading, HEADINGS)
 
     def in_plane(self, command: Array) -> Array:
-        """Return (…, 2) the velocities of the point that follows, in the robot's axes [m/s].
-
-        Args:
-            command: (…, k) as the controller takes them.
-        """
+        """Return (…, 2) the velocity of the point that follows, of commands (…, k), in its axes."""
         if self.look_ahead is None:
             return command[..., :2]
         return command * np.array([1.0, self.look_ahead])

@@ -52,7 +52,6 @@ def read_terms(value: object) -> tuple[Term, ...]:
 
     Raises:
         InvalidInputError: if it is no list of terms, or an option is missing, unknown or malformed.
-        UnknownNameError: if there is no such term.
     """
     if not isinstance(value, Sequence) or isinstance(value, str) or not value:
         raise InvalidInputError(f"observation: got {value!r}, expected a list of terms")
