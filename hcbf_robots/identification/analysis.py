@@ -89,11 +89,13 @@ def analyse(
     left = command.in_plane(record.done) - _predicted(command, fits, record)
     lasting = max(_lasting(command, fits, one) for one in (record, *creeping))
     commanded = command.in_plane(record.command * np.array([one.gain for one in fits]))
+    quantiles = np.percentile(np.hypot(*left.T), QUANTILES)
+    half, often, nearly_always = (round(float(value), 4) for value in quantiles)
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
-        residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
+        residual=(half, often, nearly_always),
         deviation=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
         overshoot=round(_overshoot(command, commanded, record), 4),
         rise=round(float(np.median([one.rise for one in stops])), 3),
@@ -148,10 +150,10 @@ def _strays(left: Array, seconds: float) -> Array:
 
 
 def _moved(velocity: Array, seconds: float) -> Array:
-    """Return (n,) how long the way is within so many seconds [m]."""
+    """Return (n,) how long the path is within so many seconds [m]."""
     steps = max(1, round(seconds / CONTROL_DT))
-    way = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
-    return way[steps:] - way[:-steps]
+    path = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
+    return path[steps:] - path[:-steps]
 
 
 def _overshoot(command: Command, commanded: Array, record: Record) -> float:
@@ -161,11 +163,6 @@ def _overshoot(command: Command, commanded: Array, record: Record) -> float:
     recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
     excess = (np.hypot(*command.in_plane(record.done).T) - recent).clip(0.0)
     return float(np.percentile(excess[recent >= FAST * recent.max()], QUANTILES[-1]))
-
-
-def _rounded(values: Array) -> tuple[float, float, float]:
-    half, most, all_but_few = (round(float(value), 4) for value in values)
-    return half, most, all_but_few
 
 
 def fit(command: Array, measured: Array, period: float) -> Fit:

@@ -46,14 +46,16 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Measure, write, and say where the robot does not follow."""
+    """Measure, write, and report where the robot does not follow."""
+    from hcbf_robots.identification.picture import plot  # imports Matplotlib
+
     identified, command, name, file = _simulated(args) if args.log is None else _driven(args)
     response = identified.response
     if args.output is not None:
         file = args.output / file.name
     response.save(file)
     picture = file.with_suffix(".png")
-    _draw(identified, name, picture)
+    plot(identified, name, picture)
     console = Console()
     console.print(_table(name, command, response))
     for complaint in response.complaints:
@@ -88,12 +90,6 @@ def _driven(args: Args) -> tuple[Identified, Command, str, Path]:
         command, name, file = walker.command, walker.name, walker.response_file
     identified, command = identify_log(args.log, command, args.look_ahead)
     return identified, command, name, file
-
-
-def _draw(identified: Identified, name: str, picture: Path) -> None:
-    from hcbf_robots.identification.picture import plot
-
-    plot(identified, name, picture)
 
 
 def _table(name: str, command: Command, response: Response) -> Table:

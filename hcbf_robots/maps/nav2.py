@@ -61,17 +61,7 @@ def read(path: str | Path, *, drawn: bool = False) -> Raster:
             out of range, or the image is no PGM or PNG of 8 bits.
     """
     path = Path(path)
-    keys = parse(_text(path), str(path))
-    missing = [key for key in NEEDED if key not in keys]
-    if missing:
-        raise InvalidInputError(
-            f"map {path}: {missing} is missing among {shown(list(keys))}, expected {list(NEEDED)}"
-        )
-    others = sorted(set(keys) - {*NEEDED, *OPTIONAL, *UNREAD})
-    if others:
-        warn_caller(
-            f"map {path}: the keys {others} are not read, expected {[*NEEDED, *OPTIONAL]}",
-        )
+    keys = _keys(path)
     mode = keys.get("mode", "trinary")
     choose(f"mode of map {path}", mode, dict.fromkeys(MODES))
     low = finite_float(f"map {path}: free_thresh", keys.get("free_thresh", 0.25), minimum=0.0)
@@ -106,6 +96,20 @@ def read(path: str | Path, *, drawn: bool = False) -> Raster:
         if mode == "trinary" and not drawn:
             values[np.rint(255.0 * occupied) == 255 - GREY] = UNKNOWN
     return Raster(grid, values.astype(np.int16)[::-1])
+
+
+def _keys(path: Path) -> dict[str, Any]:
+    """Return the keys of a map's file."""
+    keys = parse(_text(path), str(path))
+    missing = [key for key in NEEDED if key not in keys]
+    if missing:
+        raise InvalidInputError(
+            f"map {path}: {missing} is missing among {shown(list(keys))}, expected {list(NEEDED)}"
+        )
+    others = sorted(set(keys) - {*NEEDED, *OPTIONAL, *UNREAD})
+    if others:
+        warn_caller(f"map {path}: the keys {others} are not read, expected {[*NEEDED, *OPTIONAL]}")
+    return keys
 
 
 def _text(path: Path) -> str:

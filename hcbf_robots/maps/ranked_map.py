@@ -171,9 +171,9 @@ class RankedMap(Several):
 
     def polygons(self, name: str) -> list[Array]:
         """Return the corners (k, 2) of the convex pieces that cover a class's cells [m]."""
-        found = self._condition_of(name).pieces.polygons
+        barrier = choose("map class", name, {one.name: one for one in self._conditions})
         covers = {one.name: cover for one, cover in zip(self.classes, self.covers, strict=True)}
-        return found[: len(covers[name].sizes)]
+        return barrier.pieces.polygons[: len(covers[name].sizes)]
 
     def outlines(self, region: MapClass, covered: bool = False) -> list[Array]:
         """Return the corners (k, 2) of rectangles of a class's cells, or of its pieces [m]."""
@@ -264,10 +264,6 @@ class RankedMap(Several):
         for corners, (u0, v0, u1, v1) in zip(found, (left_of, right_of, below, above), strict=True):
             corners[:4] = (u0, v0), (u1, v0), (u1, v1), (u0, v1)
         return found
-
-    def _condition_of(self, name: str) -> MappedRegion | MappedZone:
-        """Return the barrier of the class of a name."""
-        return choose("map class", name, {one.name: one for one in self._conditions})
 
 
 def _corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
