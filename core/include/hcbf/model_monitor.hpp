@@ -7,10 +7,13 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
+#include <hcbf/model.hpp>
 #include <hcbf/monitor.hpp>
 #include <hcbf/pseudo_inverse.hpp>
+#include <hcbf/state_check.hpp>
 
 namespace hcbf::model_monitor {
 
@@ -19,88 +22,18 @@ constexpr double ROUNDING = 1e-9;
 constexpr double WRAPPED = 0.5;    // how near to a whole turn a jump must be to be one [rad]
 constexpr double TURN = 6.283185307179586;
 
-struct Watched {  // what a monitor never changes
-  double period;                  // T [s]
-  double radius;                  // the largest norm of an input
-  double confidence;              // κ
-  Vector<const double> largest;   // (n_u,) of each input
-  Vector<const bool> steered;     // (n,) the states that Δu is read from
+struct Settings {               // what never changes
+  double period;                // T [s]
+  double radius;                // the largest norm of an input
+  double confidence;            // κ
+  std::vector<double> largest;  // (n_u,) of each input
+  std::vector<char> steered;    // (n,) the states that Δu is read from
 };
-
-struct Sample {  // of N plants
-  Matrix<const double> body;   // (N, n) their states
-  Matrix<const double> model;  // (N, n) those of their reduced-order models
-  Matrix<const double> f;      // (N, n) at the body's
-  Cube<const double> g;        // (N, n, n_u) at the body's
-  Cube<const double> g_model;  // (N, n, n_u) at the model's
-};
-
-struct Arrival {  // what seems to have become of the chosen input
-  Matrix<double> chosen;  // (N, n_u) u
-  Cube<double> to_input;  // (N, n_u, n) g⁺
-  Matrix<double> u;       // (N, n_u) û
-  Vector<bool> other;     // (N,) whether it differs from u
-  Matrix<double> body;    // (N, n) where it leads
-  Matrix<double> model;   // (N, n) where u leads the model
-};
-
-struct Seen {  // two samples
-  Sample now, last;
-  Arrival arrival;    // of the input between them
-  Cube<double> sums;  // (N, 2, n) r and m', written to
-};
-
-struct Room {  // for one plant after the other
-  Room(Index n, Index n_u) : numbers(n_u * (3 * n + n_u) + 4 * n), n(n), n_u(n_u) {}
-  Matrix<double> steered() { return {numbers.data(), n, n_u}; }
-  Matrix<double> inverse() { return {numbers.data() + n * n_u, n_u, n}; }
-  Matrix<double> columns() { return {numbers.data() + 2 * n * n_u, n, n_u}; }
-  Matrix<double> turns() { return {numbers.data() + 3 * n * n_u, n_u, n_u}; }
-  Matrix<double> parts() { return {numbers.data() + n_u * (3 * n + n_u), 4, n}; }
-
-  std::vector<double> numbers;
-  Index n, n_u;
-};
-
-// Returns whether two samples are one period apart, and both are valid.
-inline bool compares(const Watched& watched, const plants::Plant& plant, bool believed) {
-  const double period = watched.period;
-  return believed && plant.follows != 0 && period > 0.0 && plant.elapsed == period;
-}
 
 // x − expected, without the whole turn of an angle that is wrapped.
 inline double missed(double x, double expected) {
   const double missed = x - expected, turned = missed - TURN * ((missed > 0.0) - (missed < 0.0));
   return std::abs(turned) < WRAPPED ? turned : missed;
-}
-
-// Writes û and g⁺, and returns whether any input seems to differ from the chosen one. `believed` (N,):
-// whether this sample is valid; `x` (N, n): states of the bodies; `g` (N, n, n_u): at the sample before;
-// `arrival.body` holds where u leads.
-inline bool arrivals(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> believed,
-                     Matrix<const double> x, Cube<const double> g, const Arrival& arrival, Room& room) {
-  const Index n = g.rows, n_u = g.columns;
-  const Matrix<double> steered = room.steered();
-  bool some = false;
-  for (Index i = 0; i < plants.size; ++i) {
-    arrival.other[i] = false;
-    if (!compares(watched, plants[i], believed[i])) continue;
-    for (Index k = 0; k < n; ++k)
-      for (Index j = 0; j < n_u; ++j) steered(k, j) = watched.steered[k] ? g(i, k, j) : 0.0;
-    pseudo_inverse::write(steered, arrival.to_input[i], room.columns(), room.turns());
-    double furthest = 0.0;
-    for (Index j = 0; j < n_u; ++j) {
-      double off = 0.0;
-      for (Index k = 0; k < n; ++k) off += arrival.to_input(i, j, k) * missed(x(i, k), arrival.body(i, k));
-      const double most = 2.0 * watched.largest[j];
-      off = std::min(std::max(off / watched.period, -most), most);
-      arrival.u(i, j) = arrival.chosen(i, j) + off;
-      furthest = std::max(furthest, std::abs(off));
-    }
-    arrival.other[i] = furthest > ROUNDING * watched.radius;
-    some |= arrival.other[i];
-  }
-  return some;
 }
 
 // tr(A P Aᵀ).
@@ -112,107 +45,216 @@ inline double trace(Matrix<const double> a, Matrix<const double> covariance) {
   return trace;
 }
 
-// Accounts for Δu, where the state's noise does not hide it; returns whether that alarms. `to_input`
-// (n_u, n): g⁺ at the state before; `x` (n,): of the model; `expected` (n,): of it; `u` (n_u,): chosen;
-// `noisy`: tr(g⁺ P g⁺ᵀ).
-inline bool misses(const Watched& watched, plants::Plant& plant, Matrix<const double> to_input,
-                   Vector<const double> x, Vector<const double> expected, Vector<const double> u,
-                   double noisy) {
-  const double period = watched.period, confidence = watched.confidence;
-  double error = 0.0, chosen = 0.0;
-  for (Index j = 0; j < u.size; ++j) {
-    double off = 0.0;
-    for (Index k = 0; k < x.size; ++k) off += to_input(j, k) * missed(x[k], expected[k]);
-    off /= period;
-    error += off * off;
-    chosen += u[j] * u[j];
+class Monitor {
+ public:
+  Monitor(const model::Model& model, Settings settings, Index count)
+      : settings_(std::move(settings)), model_(model), count_(count), other_(count),
+        steered_(model.n * model.n_u), inverse_(steered_), columns_(steered_), turns_(model.n_u * model.n_u),
+        parts_(4 * model.n) {
+    const Index states = count * model.n, inputs = count * model.n_u;
+    for (auto* each : {&expected_, &expected_model_, &led_}) each->resize(states);
+    for (auto* each : {&chosen_, &arrived_}) each->resize(inputs);
+    to_input_.resize(states * model.n_u);
+    now_.resize(3 * states + 2 * states * model.n_u);
+    memory_.resize(now_.size() + 2 * states);
   }
-  if (!std::isfinite(error)) return false;
-  const double least = 2.0 * (confidence * confidence) * noisy / (period * period);
-  if (monitor::SHARE * monitor::SHARE * chosen <= least && noisy > 0.0) chosen = 0.0;
-  return monitor::account(plant.inputs, error, chosen, period / monitor::WINDOW, watched.radius);
-}
 
-// Takes Π v in the place of v (n,); g counts in the steered states alone. `scratch` (n,) is written to.
-inline void unreached(Matrix<const double> g, Vector<const bool> steered, Matrix<const double> to_input,
-                      Vector<double> v, Vector<double> scratch) {
-  std::copy_n(v.data, v.size, scratch.data);
-  for (Index j = 0; j < g.columns; ++j) {
-    double along = 0.0;
-    for (Index k = 0; k < v.size; ++k) along += to_input(j, k) * scratch[k];
-    for (Index k = 0; k < v.size; ++k)
-      if (steered[k]) v[k] -= g(k, j) * along;
+  // What is remembered: the last sample, and the sums (N, 2, n) r and m' behind it.
+  std::vector<double>& memory() { return memory_; }
+
+  void forget(Index i) { std::fill_n(sums(i).data, 2 * model_.n, 0.0); }
+
+  // Accounts for a sample of N plants, and raises their alarms. `believed` (N,): whether it is valid; f
+  // (N, n) and g (N, n, n_u): at `states.x`; `parts`: whether a sample held more than x.
+  void observe(Records<plants::Plant> plants, Vector<const char> believed, const state_check::States& states,
+               Matrix<const double> f, Cube<const double> g, bool parts) {
+    const Sample now = sample(now_), last = sample(memory_);
+    take(now, states, f, g, parts);
+    if (settings_.period > 0.0) predict(plants, believed, now, last);
+    for (Index i = 0; i < count_; ++i) {
+      plants::Plant& plant = plants[i];
+      if (!believed[i]) continue;
+      if (plant.fault >= reason::FIRST_ALARM) monitor::latch(plant, plant.fault);
+      if (compares(plant)) {
+        if (misses(plant, i, now, last, states.covariance[i])) monitor::latch(plant, reason::INPUT);
+        if (moves_off(plant, i, now, last, states.covariance[i])) monitor::latch(plant, reason::MOTION);
+      }
+      plant.follows = 1;
+    }
+    std::copy(now_.begin(), now_.end(), memory_.begin());
   }
-}
 
-// tr(Π P Π); Π is symmetric, so that it is tr(Π P). `column` and `scratch` (n,) are written to.
-inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered,
-                              Matrix<const double> to_input, Matrix<const double> covariance,
-                              Vector<double> column, Vector<double> scratch) {
-  double trace = 0.0;
-  for (Index k = 0; k < covariance.rows; ++k) {
-    if (covariance(k, k) == 0.0) continue;
-    for (Index q = 0; q < covariance.rows; ++q) column[q] = covariance(q, k);
-    unreached(g, steered, to_input, column, scratch);
-    trace += column[k];
+ private:
+  struct Sample {           // of N plants
+    Matrix<double> body;    // (N, n) their states
+    Matrix<double> model;   // (N, n) those of their reduced-order models
+    Matrix<double> f;       // (N, n) at the body's
+    Cube<double> g;         // (N, n, n_u) at the body's
+    Cube<double> g_model;   // (N, n, n_u) at the model's
+  };
+
+  Sample sample(std::vector<double>& of) const {
+    const Index n = model_.n, n_u = model_.n_u, size = count_ * n;
+    double* at = of.data();
+    return {{at, count_, n}, {at + size, count_, n}, {at + 2 * size, count_, n},
+            {at + 3 * size, count_, n, n_u}, {at + 3 * size + size * n_u, count_, n, n_u}};
   }
-  return std::max(0.0, trace);
-}
+  Matrix<double> sums(Index i) { return {&memory_[now_.size() + 2 * i * model_.n], 2, model_.n}; }
+  Matrix<double> states(std::vector<double>& of) const { return {of.data(), count_, model_.n}; }
+  Matrix<double> to_input(Index i) { return {&to_input_[i * inverse_.size()], model_.n_u, model_.n}; }
 
-// Accounts for what no input explains of plant i, and returns whether that alarms.
-inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, const Seen& seen,
-                      Matrix<const double> covariance, Matrix<double> parts) {
-  const Sample &now = seen.now, &last = seen.last;
-  const Matrix<double> sums = seen.sums[i];
-  const Arrival& arrival = seen.arrival;
-  const Vector<const double> x = now.body[i], before = last.body[i];
-  const Matrix<const double> g = last.g[i], to_input = arrival.to_input[i];
-  double size = 0.0, driven = 0.0;
-  for (Index k = 0; k < x.size; ++k) {
-    parts(0, k) = missed(x[k], arrival.body(i, k));
-    parts(1, k) = arrival.body(i, k) - before[k];
-    parts(2, k) = now.f(i, k) - last.f(i, k);
-    size = std::max(size, std::abs(x[k]));
-    for (Index j = 0; j < g.columns; ++j) {
-      parts(2, k) += (now.g(i, k, j) - g(k, j)) * arrival.u(i, j);
-      const double most = g(k, j) * watched.largest[j];
-      driven += most * most;
+  // Whether a valid sample is one period after another one.
+  bool compares(const plants::Plant& plant) const {
+    return plant.follows != 0 && settings_.period > 0.0 && plant.elapsed == settings_.period;
+  }
+
+  // Notes states and terms of bodies and models; where these have none, those at x.
+  void take(const Sample& now, const state_check::States& states, Matrix<const double> f,
+            Cube<const double> g, bool parts) const {
+    const Index size = count_ * model_.n, wide = size * model_.n_u;
+    std::copy_n(states.model.data, size, now.model.data);
+    for (Index k = 0; k < size; ++k) now.body.data[k] = states.model.data[k] + states.lag.data[k];
+    if (parts) {
+      model_.terms(now.model, now.f, now.g_model);
+      model_.terms(now.body, now.f, now.g);
+    }
+    const auto mend = [parts](double* found, const double* known, Index count) {
+      for (Index k = 0; k < count; ++k)
+        if (!parts || std::isnan(found[k])) found[k] = known[k];
+    };
+    mend(now.f.data, f.data, size), mend(now.g.data, g.data, wide), mend(now.g_model.data, g.data, wide);
+  }
+
+  // Writes where inputs lead from states within a period.
+  void expect(Matrix<double> x, std::vector<double>& u, std::vector<double>& after) {
+    model_.steps(x, {u.data(), count_, model_.n_u}, settings_.period, states(after));
+  }
+
+  // Writes where the chosen inputs lead models and bodies; these by the input that seems to have arrived.
+  void predict(Records<plants::Plant> plants, Vector<const char> believed, const Sample& now,
+               const Sample& last) {
+    const Index n = model_.n, n_u = model_.n_u;
+    for (Index i = 0; i < count_; ++i) std::copy_n(plants.tail(i), n_u, &chosen_[i * n_u]);
+    expect(last.body, chosen_, expected_);
+    if (std::equal(last.body.data, last.body.data + count_ * n, last.model.data))
+      expected_model_ = expected_;
+    else
+      expect(last.model, chosen_, expected_model_);
+    bool some = false;
+    for (Index i = 0; i < count_; ++i) {
+      other_[i] = believed[i] && compares(plants[i]) && arrives(i, now, last);
+      some |= other_[i] != 0;
+    }
+    if (!some) return;
+    expect(last.body, arrived_, led_);
+    for (Index i = 0; i < count_; ++i)
+      if (other_[i]) std::copy_n(&led_[i * n], n, &expected_[i * n]);
+  }
+
+  // Writes û and g⁺ of plant i, and returns whether û differs from the chosen input.
+  bool arrives(Index i, const Sample& now, const Sample& last) {
+    const Index n = model_.n, n_u = model_.n_u;
+    const Matrix<double> steered{steered_.data(), n, n_u};
+    for (Index k = 0; k < n; ++k)
+      for (Index j = 0; j < n_u; ++j) steered(k, j) = settings_.steered[k] ? last.g(i, k, j) : 0.0;
+    invert(steered, to_input(i));
+    double furthest = 0.0;
+    for (Index j = 0; j < n_u; ++j) {
+      double off = 0.0;
+      for (Index k = 0; k < n; ++k) off += to_input(i)(j, k) * missed(now.body(i, k), expected_[i * n + k]);
+      const double most = 2.0 * settings_.largest[j];
+      off = std::min(std::max(off / settings_.period, -most), most);
+      arrived_[i * n_u + j] = chosen_[i * n_u + j] + off;
+      furthest = std::max(furthest, std::abs(off));
+    }
+    return furthest > ROUNDING * settings_.radius;
+  }
+
+  void invert(Matrix<const double> g, Matrix<double> out) {
+    pseudo_inverse::write(g, out, {columns_.data(), model_.n, model_.n_u},
+                          {turns_.data(), model_.n_u, model_.n_u});
+  }
+
+  // Accounts for Δu of plant i, where the state's noise does not hide it; returns whether that alarms.
+  bool misses(plants::Plant& plant, Index i, const Sample& now, const Sample& last,
+              Matrix<const double> covariance) {
+    const Index n = model_.n, n_u = model_.n_u;
+    const Matrix<double> inverse{inverse_.data(), n_u, n};
+    invert(last.g_model[i], inverse);
+    const double noisy = plant.has_model ? 0.0 : trace(inverse, covariance);  // tr(g⁺ P g⁺ᵀ)
+    const double period = settings_.period, confidence = settings_.confidence;
+    double error = 0.0, chosen = 0.0;
+    for (Index j = 0; j < n_u; ++j) {
+      double off = 0.0;
+      for (Index k = 0; k < n; ++k)
+        off += inverse(j, k) * missed(now.model(i, k), expected_model_[i * n + k]);
+      off /= period;
+      error += off * off;
+      chosen += chosen_[i * n_u + j] * chosen_[i * n_u + j];
+    }
+    if (!std::isfinite(error)) return false;
+    const double least = 2.0 * (confidence * confidence) * noisy / (period * period);
+    if (monitor::SHARE * monitor::SHARE * chosen <= least && noisy > 0.0) chosen = 0.0;
+    return monitor::account(plant.inputs, error, chosen, period / monitor::WINDOW, settings_.radius);
+  }
+
+  // Takes Π v in the place of v (n,) of plant i; g counts in the steered states alone.
+  void reject(Index i, Cube<const double> g, Vector<double> v) {
+    const Vector<double> before{&parts_[3 * model_.n], model_.n};
+    state_check::copy(v, before);
+    for (Index j = 0; j < model_.n_u; ++j) {
+      double along = 0.0;
+      for (Index k = 0; k < v.size; ++k) along += to_input(i)(j, k) * before[k];
+      for (Index k = 0; k < v.size; ++k)
+        if (settings_.steered[k]) v[k] -= g(i, k, j) * along;
     }
   }
-  for (Index part = 0; part < 3; ++part) unreached(g, watched.steered, to_input, parts[part], parts[3]);
-  double change = 0.0, total = 0.0;
-  for (Index k = 0; k < x.size; ++k) {
-    change += parts(2, k) * parts(2, k);
-    total += parts(0, k) + parts(1, k) + parts(2, k);
-  }
-  if (!std::isfinite(total + change)) return false;
-  const double rest = STILL * monitor::WINDOW * std::sqrt(driven) + ROUNDING * size;
-  const double unknown = unreached_trace(g, watched.steered, to_input, covariance, parts[2], parts[3]);
-  const double spread = watched.confidence * std::sqrt(unknown);
-  return monitor::strays(plant.motion, &sums(0, 0), &sums(1, 0),
-                         {parts[0], parts[1], std::sqrt(change), rest, spread, watched.period});
-}
 
-// Accounts for a sample of N plants, and raises their alarms. `covariance` (N, n, n): of x, 0 where that
-// is the truth; `believed` (N,): whether this sample is valid.
-inline void observe(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> believed,
-                    Cube<const double> covariance, const Seen& seen, Room& room) {
-  const Matrix<double> inverse = room.inverse();
-  for (Index i = 0; i < plants.size; ++i) {
-    plants::Plant& plant = plants[i];
-    if (!believed[i]) continue;
-    if (plant.fault >= reason::FIRST_ALARM) monitor::latch(plant, plant.fault);
-    if (compares(watched, plant, true)) {
-      pseudo_inverse::write(seen.last.g_model[i], inverse, room.columns(), room.turns());
-      const double noisy = plant.has_model ? 0.0 : trace(inverse, covariance[i]);
-      const Arrival& arrival = seen.arrival;
-      if (misses(watched, plant, inverse, seen.now.model[i], arrival.model[i], arrival.chosen[i], noisy))
-        monitor::latch(plant, reason::INPUT);
-      if (moves_off(watched, plant, i, seen, covariance[i], room.parts()))
-        monitor::latch(plant, reason::MOTION);
+  // Accounts for what no input explains of plant i, and returns whether that alarms.
+  bool moves_off(plants::Plant& plant, Index i, const Sample& now, const Sample& last,
+                 Matrix<const double> covariance) {
+    const Index n = model_.n, n_u = model_.n_u;
+    const Matrix<double> parts{parts_.data(), 4, n};
+    double size = 0.0, driven = 0.0;
+    for (Index k = 0; k < n; ++k) {
+      parts(0, k) = missed(now.body(i, k), expected_[i * n + k]);
+      parts(1, k) = expected_[i * n + k] - last.body(i, k);
+      parts(2, k) = now.f(i, k) - last.f(i, k);
+      size = std::max(size, std::abs(now.body(i, k)));
+      for (Index j = 0; j < n_u; ++j) {
+        parts(2, k) += (now.g(i, k, j) - last.g(i, k, j)) * arrived_[i * n_u + j];
+        const double most = last.g(i, k, j) * settings_.largest[j];
+        driven += most * most;
+      }
     }
-    plant.follows = 1;
+    for (Index part = 0; part < 3; ++part) reject(i, last.g, parts[part]);
+    double change = 0.0, total = 0.0, unknown = 0.0;
+    for (Index k = 0; k < n; ++k) {
+      change += parts(2, k) * parts(2, k);
+      total += parts(0, k) + parts(1, k) + parts(2, k);
+    }
+    if (!std::isfinite(total + change)) return false;
+    for (Index k = 0; k < n; ++k) {  // tr(Π P Π); Π is symmetric, so that it is tr(Π P)
+      if (covariance(k, k) == 0.0) continue;
+      for (Index q = 0; q < n; ++q) parts(2, q) = covariance(q, k);
+      reject(i, last.g, parts[2]);
+      unknown += parts(2, k);
+    }
+    const double rest = STILL * monitor::WINDOW * std::sqrt(driven) + ROUNDING * size;
+    const double spread = settings_.confidence * std::sqrt(std::max(0.0, unknown));
+    return monitor::strays(plant.motion, &sums(i)(0, 0), &sums(i)(1, 0),
+                           {parts[0], parts[1], std::sqrt(change), rest, spread, settings_.period});
   }
-}
+
+  const Settings settings_;
+  const model::Model& model_;
+  Index count_;
+  std::vector<double> now_, memory_;                    // a sample, field by field
+  std::vector<double> chosen_, arrived_;                // (N, n_u) u and û
+  std::vector<double> expected_, expected_model_, led_;  // (N, n)
+  std::vector<double> to_input_;                        // (N, n_u, n) g⁺
+  std::vector<char> other_;                             // (N,) whether û differs from u
+  std::vector<double> steered_, inverse_, columns_, turns_, parts_;  // of one plant after the other
+};
 
 }  // namespace hcbf::model_monitor

@@ -63,18 +63,19 @@ class Step {
   Step(const model::Model& model, Settings settings, Index count)
       : settings_(std::move(settings)), model_(model), count_(count),
         reserve_(model, settings_.uncertainty, {settings_.largest.data(), model.n_u}, settings_.period, count),
-        monitor_room_(model.n, model.n_u), believed_(count), other_(count) {
-    const Index states = count * model.n, inputs = states * model.n_u;
-    for (auto* each : {&f_, &expected_, &expected_model_, &led_, &body_now_, &model_now_, &f_now_})
-      each->resize(states);
-    for (auto* each : {&g_, &g_now_, &g_model_now_, &to_input_}) each->resize(inputs);
-    memory_.resize(5 * states + 2 * inputs);
-    arrived_.resize(count * model.n_u), chosen_ = arrived_;
+        monitor_(model,
+                 {settings_.period, settings_.radius, settings_.confidence, settings_.largest,
+                  settings_.steered},
+                 count),
+        believed_(count) {
+    const Index states = count * model.n;
+    for (auto* each : {&f_, &led_}) each->resize(states);
+    g_.resize(states * model.n_u), stops_.resize(count * model.n_u);
     jacobian_.resize(states * model.n);
   }
 
-  // What the monitor remembers: the last samples, and its sums.
-  std::vector<double>& memory() { return memory_; }
+  // What the monitor remembers.
+  std::vector<double>& memory() { return monitor_.memory(); }
 
   void set_scene(const Scene& scene) {
     scene_ = scene;
@@ -91,7 +92,7 @@ class Step {
   void sense(Records<plants::Plant> sensed, const state_check::States& states, Records<report::Plant> told,
              bool parts) {
     for (Index i = 0; i < count_; ++i)
-      if (!sensed[i].known) std::fill_n(sums()[i].data, 2 * model_.n, 0.0);
+      if (!sensed[i].known) monitor_.forget(i);
     if (state_check::believe_all(sensed, states, settings_.velocity_at, told)) {
       propagate(sensed, states, told);
       state_check::replace_all(sensed, states, told);
@@ -108,7 +109,7 @@ class Step {
       believed_[i] = told[i].reason == 0;
     }
     if (parts) state_check::grow_all(sensed, told, reserve_.drift(), model_.n_p);
-    watch(sensed, states, parts);
+    monitor_.observe(sensed, {believed_.data(), count_}, states, f(f_), g(g_), parts);
     if (settings_.period > 0.0) brake(sensed, states);
     for (Index i = 0; i < count_; ++i) {
       reserve_.time[i] = sensed[i].time;
@@ -147,7 +148,6 @@ class Step {
  private:
   Matrix<double> f(std::vector<double>& of) const { return {of.data(), count_, model_.n}; }
   Cube<double> g(std::vector<double>& of) const { return {of.data(), count_, model_.n, model_.n_u}; }
-  Cube<double> sums() { return {memory_.data() + memory_.size() - 2 * count_ * model_.n, count_, 2, model_.n}; }
 
   // Lets the model propagate the states that were accepted last, of plants that are not now.
   void propagate(Records<plants::Plant> sensed, const state_check::States& states,
@@ -163,82 +163,12 @@ class Step {
     }
   }
 
-  // Writes where inputs lead from states within a period.
-  void expect(const double* x, std::vector<double>& u, std::vector<double>& after) {
-    model_.steps({x, count_, model_.n}, {u.data(), count_, model_.n_u}, settings_.period, f(after));
-  }
-
-  // Compares the samples with those before.
-  void watch(Records<plants::Plant> sensed, const state_check::States& states, bool parts) {
-    const Index n = model_.n, n_u = model_.n_u, size = count_ * n;
-    for (Index i = 0; i < count_; ++i) std::copy_n(sensed.tail(i), n_u, chosen_.data() + i * n_u);
-    const model_monitor::Watched watched{settings_.period, settings_.radius, settings_.confidence,
-                                         {settings_.largest.data(), n_u},
-                                         {reinterpret_cast<const bool*>(settings_.steered.data()), n}};
-    double* at = memory_.data();
-    const auto take = [&at](Index length) { return std::exchange(at, at + length); };
-    double *body = take(size), *model = take(size), *drift = take(size);
-    double *in_body = take(size * n_u), *in_model = take(size * n_u);
-    const model_monitor::Sample last{{body, count_, n}, {model, count_, n}, {drift, count_, n},
-                                     {in_body, count_, n, n_u}, {in_model, count_, n, n_u}};
-    take_sample(states, parts);
-    const model_monitor::Sample now{f(body_now_), f(model_now_), f(f_now_), g(g_now_), g(g_model_now_)};
-    const model_monitor::Arrival arrival{{chosen_.data(), count_, n_u},
-                                         g_inverse(),
-                                         {arrived_.data(), count_, n_u},
-                                         {reinterpret_cast<bool*>(other_.data()), count_},
-                                         f(expected_),
-                                         f(expected_model_)};
-    const Vector<const bool> believed{reinterpret_cast<const bool*>(believed_.data()), count_};
-    if (settings_.period > 0.0) {
-      expect(body, chosen_, expected_);
-      if (std::equal(body, body + size, model))
-        expected_model_ = expected_;
-      else
-        expect(model, chosen_, expected_model_);
-      if (model_monitor::arrivals(watched, sensed, believed, now.body, last.g, arrival, monitor_room_))
-        expect_arrived(body);
-    }
-    model_monitor::observe(watched, sensed, believed, states.covariance, {now, last, arrival, sums()},
-                           monitor_room_);
-    std::copy_n(body_now_.data(), size, body), std::copy_n(model_now_.data(), size, model);
-    std::copy_n(f_now_.data(), size, drift), std::copy_n(g_now_.data(), size * n_u, in_body);
-    std::copy_n(g_model_now_.data(), size * n_u, in_model);
-  }
-
-  Cube<double> g_inverse() { return {to_input_.data(), count_, model_.n_u, model_.n}; }
-
-  // Writes where the inputs that seem to have arrived lead, of plants whose input was another one.
-  void expect_arrived(const double* body) {
-    expect(body, arrived_, led_);
-    for (Index i = 0; i < count_; ++i)
-      if (other_[i]) std::copy_n(led_.data() + i * model_.n, model_.n, expected_.data() + i * model_.n);
-  }
-
-  // Notes states and terms of bodies and models; where these have none, those at x.
-  void take_sample(const state_check::States& states, bool parts) {
-    const Index size = count_ * model_.n;
-    std::copy_n(states.model.data, size, model_now_.data());
-    for (Index k = 0; k < size; ++k) body_now_[k] = states.model.data[k] + states.lag.data[k];
-    if (!parts) {
-      f_now_ = f_, g_now_ = g_model_now_ = g_;
-      return;
-    }
-    model_.terms(f(model_now_), f(f_now_), g(g_model_now_));
-    model_.terms(f(body_now_), f(f_now_), g(g_now_));
-    const auto mend = [](std::vector<double>& found, const std::vector<double>& known) {
-      for (std::size_t k = 0; k < found.size(); ++k)
-        if (std::isnan(found[k])) found[k] = known[k];
-    };
-    mend(f_now_, f_), mend(g_now_, g_), mend(g_model_now_, g_);
-  }
-
   // Writes the inputs of U nearest to those that stop the plants, to 0 where they are unknown.
   void brake(Records<plants::Plant> sensed, const state_check::States& states) {
-    model_.brakes(states.x, settings_.period, {arrived_.data(), count_, model_.n_u});
+    model_.brakes(states.x, settings_.period, {stops_.data(), count_, model_.n_u});
     for (Index i = 0; i < count_; ++i) {
       const Vector<double> stop{sensed.tail(i) + model_.n_u, model_.n_u};
-      std::copy_n(arrived_.data() + i * model_.n_u, model_.n_u, stop.data);
+      std::copy_n(stops_.data() + i * model_.n_u, model_.n_u, stop.data);
       if (!sensed[i].known || !step::is_finite(stop)) std::fill_n(stop.data, stop.size, 0.0);
       settings_.inputs.project(stop);
     }
@@ -248,15 +178,13 @@ class Step {
   const model::Model& model_;
   Index count_;
   model_margins::Reserve reserve_;
-  model_monitor::Room monitor_room_;
+  model_monitor::Monitor monitor_;
   Scene scene_{};
   bool turns_ = false;
-  std::vector<char> believed_, other_;  // (N,)
-  std::vector<double> f_, g_, jacobian_;  // at x
-  std::vector<double> memory_;            // the sample before, field by field, and (N, 2, n) sums
-  std::vector<double> body_now_, model_now_, f_now_, g_now_, g_model_now_;
-  std::vector<double> chosen_, arrived_, expected_, expected_model_, led_, to_input_;
-  std::vector<double> gradient_, bend_;  // zeros
+  std::vector<char> believed_;             // (N,)
+  std::vector<double> f_, g_, jacobian_;   // at x
+  std::vector<double> led_, stops_;        // (N, n) propagated states, (N, n_u) braking inputs
+  std::vector<double> gradient_, bend_;    // zeros
 };
 
 }  // namespace hcbf::model_step
