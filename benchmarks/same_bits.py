@@ -6,6 +6,7 @@ what differs of the keys that both have. It imports nothing of `benchmarks`, so 
 checkout.
 """
 
+import importlib.util
 import os
 import sys
 import warnings
@@ -29,6 +30,8 @@ Array = NDArray[np.float64]
 Said = dict[str, list[Array]]
 PERIOD = 0.05
 REGIONS = "HCBF-Regions-v0"
+HAS_ROBOTS = importlib.util.find_spec("hcbf_robots") is not None  # older checkouts have one package
+WALKERS = f"{'hcbf_robots:' if HAS_ROBOTS else ''}HCBF-WalkerRegions-v0"
 
 
 @dataclass
@@ -117,8 +120,8 @@ FAMILIES: dict[str, tuple[Callable[[], gym.Env], int]] = {
     "depot": (on_map("depot.yaml"), 100),
     "a1": (of("HCBF-A1Regions-v0", scenario="paper-simulation"), 40),
     "a1-random": (of("HCBF-A1Regions-v0", scenario="random", estimation="lidar"), 40),
-    "cart": (of("HCBF-WalkerRegions-v0", robot="cart", scenario="random"), 100),
-    "go1": (of("HCBF-WalkerRegions-v0", robot=GO1, scenario="random"), 40),
+    "cart": (of(WALKERS, robot="cart", scenario="random"), 100),
+    "go1": (of(WALKERS, robot=GO1, scenario="random"), 40),
     "unicycle": (lambda: Own(Unicycle(), np.array([-0.5, 0.0, 0.0])), 100),
     "bicycle": (lambda: Own(KinematicBicycle(), np.array([-0.5, 0.0, 0.0, 0.5])), 100),
     "single-integrator": (lambda: Own(models.SingleIntegrator(), np.array([-0.5, 0.0])), 100),
