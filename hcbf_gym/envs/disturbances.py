@@ -12,12 +12,8 @@ from hcbf_gym.records import check_mapping, from_dict
 
 MOST_PUSHES = 10_000
 """In an episode: every tick looks through them."""
-
-LONGEST = 1e5
-"""Of any time in a schedule [s]."""
-
-STRONGEST = 1e5
-"""Force of a push along an axis [N]: a hundred times the robot's weight and more."""
+LONGEST, STRONGEST = 1e5, 1e5
+"""Of any time in a schedule [s], and of a push along an axis [N]."""
 
 
 class Push(NamedTuple):
@@ -35,11 +31,9 @@ class Push(NamedTuple):
 
 
 class Disturbance(Protocol):
-    """Something that yields the pushes of an episode."""
+    """Draws the pushes of an episode."""
 
-    def draw(self, rng: np.random.Generator) -> list[Push]:
-        """Return the pushes of one episode."""
-        ...
+    def draw(self, rng: np.random.Generator) -> list[Push]: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -61,7 +55,7 @@ class ScheduledPushes:
         self.draw(np.random.default_rng(0))
 
     def draw(self, rng: np.random.Generator) -> list[Push]:
-        """Return the pushes; nothing is random about them."""
+        """Return the pushes."""
         return [_push(entry) for entry in self.pushes]
 
 

@@ -30,12 +30,11 @@ class WalkerPhysics(Simulation):
 
     Attributes:
         parts: names of the robot's parts.
-        at: where the scene has them.
+        at: their indices in the scene.
 
     Raises:
-        RobotModelError: if the robot's file is not what the contract says.
-        InvalidInputError: on a number out of range, an unknown name, or boxes named alike or like
-            a part of the robot.
+        RobotModelError: if the robot's file does not match the contract.
+        InvalidInputError: on a number out of range, an unknown name or an ambiguous box.
     """
 
     def __init__(
@@ -78,7 +77,7 @@ class WalkerPhysics(Simulation):
         self._strongest = model.actuator_forcerange.copy()
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
-        """Put the robot at rest, as `Simulation` does, with all that follows from where it is."""
+        """Put the robot at rest, and compute what follows from its pose."""
         super().reset(position, yaw, rng)
         mujoco.mj_forward(self.model, self.data)
 

@@ -29,7 +29,7 @@ def test_the_nominal_plant_keeps_its_inputs_and_margins():
     plant = inner().plant
     np.testing.assert_array_equal(plant.input_set.vertices(), Box.symmetric(5.0).vertices())
     assert plant.uncertainty == a1_plant.UNCERTAINTY
-    assert a1_plant.believed_friction(NOMINAL) == 0.6
+    assert a1_plant.derived_friction(NOMINAL) == 0.6
 
 
 @pytest.mark.parametrize("input_set", [Box.symmetric(5.0), Ball(4.0), Box([-1.0, 0.0], [6.0, 2.0])])
@@ -43,7 +43,7 @@ def test_no_input_asks_for_more_than_the_ground_carries(input_set):
 
 def test_the_least_friction_that_is_declared_is_what_counts():
     declared = Randomization(floor_friction=(0.4, 1.0))
-    assert a1_plant.believed_friction(declared) == pytest.approx(0.3)
+    assert a1_plant.derived_friction(declared) == pytest.approx(0.3)
     slippery = inner(randomization={"floor_friction": [0.4, 0.8]})
     with pytest.warns(UserWarning, match=r"friction 0\.6 \(tested: at most three quarters"):
         told = inner(randomization={"floor_friction": [0.4, 0.8]}, friction=0.6)
@@ -110,8 +110,8 @@ def test_a_cap_above_the_usual_one_widens_the_margin_on_the_position_and_no_lowe
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.8])
 def test_from_the_cap_that_is_carried_u_stops_the_robot(friction):
     declared = Randomization(floor_friction=(friction, friction), delay=(0.0, 0.008))
-    believed = a1_plant.believed_friction(declared)
-    carried = a1_plant.carried_inputs(Box.symmetric(5.0), believed)
+    planned = a1_plant.derived_friction(declared)
+    carried = a1_plant.carried_inputs(Box.symmetric(5.0), planned)
     cap = a1_plant.carried_speed(declared, "rough", carried)
     known = a1_plant.uncertainty_of(declared, "rough", 0.0, carried, cap)
     stopped = braking.stoppable(LogClassK(), carried)
