@@ -89,14 +89,16 @@ class RankedRegions:
         self.scenario, self._family = scenes.own, scenes.family({})
         self._started = False
         judged, name = known.nearest.judged, known.declared["environment"]
-        if judged.covered_by == CoveredBy.VERSION and judged.outside:
+        if not judged.outside:
+            return
+        if judged.covered_by == CoveredBy.VERSION:
             warn_of_version(judged.says[0])
-        elif judged.outside:
-            warn_caller(
-                f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was "
-                f"tested: {'; '.join(judged.says)}",
-                CoverageWarning,
-            )
+            return
+        warn_caller(
+            f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was "
+            f"tested: {'; '.join(judged.says)}",
+            CoverageWarning,
+        )
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -76,15 +76,15 @@ def register(
     ``file.py:name`` or ``module:name``, under which other processes find it.
 
     Args:
-        name: what `gym.make`, `make_vec`, `evaluate` and `certify` take as a scenario.
+        name: for `gym.make`, `make_vec`, `evaluate` and `certify` as a scenario.
         draw: (generator, scene) fills the arrays of a `Scene`, for each environment that begins,
             with its generator.
         shapes: m, how many shapes each scene has, walls included.
         v_max: strict cap on the speed [m/s]; None for none.
         draw_many: (N generators, the N scenes' arrays) the same for many at once, equal bit for
-            bit, which is tried here on some seeds.
+            bit, which is verified here on some seeds.
         floor: returns the map on which the shapes are; None for none.
-        hooks: observation, reward and costs of the family's own.
+        hooks: observation, reward and costs of the family.
 
     Raises:
         InvalidInputError: if the name is taken or no name, a number is out of range, or
@@ -126,7 +126,7 @@ def names() -> list[str]:
 
 
 def family_of(scenario: ScenarioLike) -> Family | None:
-    """Return the family of random scenes that a name or the dict of a map stands for; or None.
+    """Return the family of random scenes with a name, or of paths through a map's dict; or None.
 
     Raises:
         UnknownNameError: if a file or module does not register a family of that name.
@@ -163,13 +163,12 @@ def is_random(scenario: ScenarioLike) -> bool:
 def on_map(
     file: Path | None, masks: Mapping[str, int], slow: Mapping[str, float], otherwise: str
 ) -> str | dict[str, object]:
-    """Return the scene that a command line asks for: random ways through a map, or one by name.
+    """Return a command line's scene: random paths through a map, or one by name.
 
     Args:
         file: of the map, YAML beside a PGM or PNG; None for none.
-        masks: mask → rank of what it covers. It is looked for in the current folder, then beside
-            the map.
-        slow: mask of a zone → speed limit there [m/s], as rank 2; likewise.
+        masks: mask → rank of what it covers; a file in the current folder, or beside the map.
+        slow: mask of a zone → speed limit there [m/s], as rank 2.
         otherwise: the scene where there is no map.
 
     Raises:
@@ -193,8 +192,8 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
 
     Args:
         scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`. A dict of a map
-            alone, {"map": {"file": …, "masks": …}}, stands for random ways through it.
-        rng: what decides a random scene; a generator of seed 0 unless given.
+            alone, {"map": {"file": …, "masks": …}}, means random paths through it.
+        rng: decides a random scene; a generator of seed 0 unless given.
 
     Raises:
         UnknownNameError: if the name is not registered; the message lists those that are.

@@ -25,7 +25,7 @@ _TRIED = range(8)
 
 
 class Moment(NamedTuple):
-    """What hooks see of N robots at the end of a control step, or at a reset.
+    """What hooks get of N robots at the end of a control step, or at a reset.
 
     Attributes:
         before: (N, 4) position [m] and velocity [m/s] when the step began.
@@ -45,7 +45,7 @@ class Moment(NamedTuple):
 
 
 class Hooks(NamedTuple):
-    """What environments in scenes of a family do otherwise; None is as they do anyway.
+    """Observation, reward and costs of a family's environments; None is the usual one.
 
     Each row of an answer may depend on the same row alone, so that one robot gets what it gets
     among N.
@@ -99,11 +99,7 @@ class Family:
         return scenes
 
     def check_many(self) -> None:
-        """Refuse a `draw_many` that fills other scenes than `draw`, bit for bit.
-
-        Raises:
-            InvalidInputError: if it does, or fails.
-        """
+        """Refuse a `draw_many` that fails, or fills other scenes than `draw`, bit for bit."""
         try:
             many = self.drawn([np.random.default_rng(seed) for seed in _TRIED])
         except InvalidInputError:
@@ -123,11 +119,7 @@ class Family:
                     )
 
     def _check(self, scenes: Scene) -> None:
-        """Refuse scenes (N, …) that are none.
-
-        Raises:
-            InvalidInputError: if they are not filled or out of range.
-        """
+        """Refuse scenes (N, …) that are not filled or out of range."""
         for name, array in zip(Scene._fields, scenes, strict=True):
             if not np.isfinite(array).all():
                 raise InvalidInputError(
@@ -177,17 +169,17 @@ class Family:
 
     @property
     def identity(self) -> str:
-        """What certificates call it: its name, with a hash where it is the user's own."""
+        """Its name in certificates, with a hash of the user's files."""
         return certificates.robot_of(self.name, self.files) if self.files else self.name
 
     @cached_property
     def files(self) -> list[Path]:
-        """The user's files that decide its scenes; none of a shipped one."""
+        """The user's files that decide its scenes; none for a shipped one."""
         file = inspect.getsourcefile(_function(self.draw))
         return [] if file is None or not Path(file).is_file() else sources.of_user(Path(file))
 
     def is_from_where(self, other: "Family") -> bool:
-        """Return whether another family's function is this one, or its module's newer text."""
+        """Return whether another family's function is this one, or a newer version of it."""
         one, another = _function(self.draw), _function(other.draw)
         return (one.__module__, one.__qualname__) == (another.__module__, another.__qualname__)
 

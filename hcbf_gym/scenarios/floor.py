@@ -1,4 +1,4 @@
-"""What a map is to scenes and pictures; a package of maps brings its class and how it is read."""
+"""Maps in scenes and pictures; a package of maps registers its class and reader."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +12,6 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.grid import Grid
 
 
-@runtime_checkable
 class Region(Protocol):
     """A part of a map, as pictures show it."""
 
@@ -71,26 +70,17 @@ _FLOORS: list[Floors] = []
 
 
 def register_floors(read: Callable[[Mapping[str, Any]], Floor], draw: Callable[..., None]) -> None:
-    """Let scenes have maps.
-
-    Args:
-        read: as `Floors` has it.
-        draw: as `Floors` has it.
-    """
+    """Let scenes have maps, with a reader and a drawer as in `Floors`."""
     _FLOORS[:] = [Floors(read, draw)]
 
 
 def floors() -> Floors:
-    """Return how maps are read and used.
-
-    Raises:
-        InvalidInputError: if no package of maps is imported.
-    """
+    """Return how maps are read and used."""
     if not _FLOORS:
         raise InvalidInputError("map: got one, expected `import hcbf_robots`, which reads maps")
     return _FLOORS[0]
 
 
 def name_of(data: Mapping[str, Any]) -> str:
-    """Return what a scene in a described map is called: its file's name without the ending."""
+    """Return the name of a scene in a described map: its file's name without the ending."""
     return Path(str(data.get("file", "map"))).stem
