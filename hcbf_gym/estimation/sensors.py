@@ -5,12 +5,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.errors import choose, finite_float
 from hcbf_gym.records import build, check_mapping
 
 DEGREE = float(np.pi / 180.0)
 MAX_DELAY = 1.0
-"""The oldest fix [s] that the estimator can still make use of."""
+"""The oldest fix [s] that the estimator can use."""
 
 LARGEST = {
     "rate": 1e4,  # [Hz]
@@ -26,9 +26,9 @@ LARGEST = {
     "slip": 100.0,  # [m/s]
     "slip_time": 1e6,  # [s]
     "delay": MAX_DELAY,
-    "contact": 0.5,
+    "contact": np.nextafter(0.5, 0.0),
 }
-"""What a number may reach: more is a slip of the pen."""
+"""Of a number: more is a slip of the pen."""
 
 LEAST = 1e-6
 """Of a number that must be positive, so that nothing divided by it leaves the finite numbers."""
@@ -41,8 +41,8 @@ class Sensors:
     """A position fix, an inertial unit, joint encoders and contact switches.
 
     Slow errors (drift, orientation, slip) are first-order Gauss–Markov processes: zero mean, the
-    standard deviation given, correlation exp(−t/τ). All else is white. `docs/estimation.md` names
-    the source of every default, or says that it is an assumption.
+    standard deviation given, correlation exp(−t/τ). All else is white. `docs/estimation.md` has
+    the source of every default.
 
     Args:
         rate: of the position fixes [Hz].
@@ -85,10 +85,6 @@ class Sensors:
             least = LEAST if field.name in _POSITIVE else 0.0
             number = finite_float(field.name, value, minimum=least, maximum=LARGEST[field.name])
             object.__setattr__(self, field.name, number)
-        if self.contact >= 0.5:
-            raise InvalidInputError(
-                f"contact: got {self.contact}, expected a probability below 0.5"
-            )
 
 
 PRESETS: dict[str, Sensors] = {
@@ -103,7 +99,7 @@ PRESETS: dict[str, Sensors] = {
     "lidar": Sensors(drift=0.01),
     "uwb": Sensors(rate=10.0, noise=0.05, delay=0.05, drift=0.08),
 }
-"""Three usual ways to know where the robot is; "lidar" is matched against a map."""
+"""Three usual localizations; "lidar" is matched against a map."""
 
 
 def make(source: str | Mapping[str, object] | Sensors) -> Sensors:

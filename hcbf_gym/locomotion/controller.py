@@ -20,11 +20,11 @@ from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
 LEAST_FRICTION, LARGEST_FRICTION = 0.05, 10.0
-"""What may be believed of the ground: below, no gait walks; above, nothing is left to believe."""
+"""Of the ground's friction: below, no gait walks; above, it bounds nothing."""
 
 
 class BodyReference(NamedTuple):
-    """What the trunk shall do in the plane.
+    """The trunk's reference in the plane.
 
     Attributes:
         position: (2,) [m].
@@ -46,12 +46,12 @@ class BodyReference(NamedTuple):
 
 
 class Diagnostics(NamedTuple):
-    """What the controller did in its latest tick.
+    """The controller's latest tick.
 
     Attributes:
         stance: (4,) bool, feet that the gait lets carry.
-        foot_position: (4, 3) where the feet shall be in the world [m].
-        foothold: (4, 2) where they shall land, or stand [m].
+        foot_position: (4, 3) targets of the feet in the world [m].
+        foothold: (4, 2) where they land, or are [m].
         torque: (12,) as commanded [N·m].
         feedforward: (12,) the QP's share of it [N·m].
         qp_exitflag: DAQP's; 1 means optimal, 0 that there was no program yet.
@@ -74,19 +74,19 @@ class Diagnostics(NamedTuple):
 class LocomotionController:
     """Walks a quadruped so that its trunk accelerates by u in the plane.
 
+    Args:
+        xml_file: MJCF of the robot alone, from which the controller's model is read.
+        timestep: of the control loop [s].
+        friction: µ of the friction pyramid that bounds the contact forces; below 0.6 the
+            robot turns more slowly in proportion.
+        gait: a name from `GAITS`; "stand" stands still until a command or a disturbance.
+        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
+        max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
+
     Attributes:
         stance: (4,) feet that the latest tick lets carry; a view, which every tick changes.
         solved: programs solved since reset.
         failed: programs without a solution since reset.
-
-    Args:
-        xml_file: MJCF of the robot alone, from which the controller's own model is read.
-        timestep: of the control loop [s].
-        friction: µ of the friction pyramid that bounds the contact forces; below 0.6 the
-            robot turns more slowly in proportion.
-        gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
-        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
-        max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
 
     Raises:
         RobotModelError: if the file is no model of the A1's kind; the message names the joints.
@@ -170,22 +170,19 @@ class LocomotionController:
 
     @property
     def lift(self) -> float:
-        """The acceleration upwards that it has learnt to hold the trunk's height [m/s²]."""
+        """The upward acceleration that it has learnt to hold the trunk's height [m/s²]."""
         return float(self._memory["lift"][0])
 
     @property
     def reference(self) -> BodyReference:
-        """Where the trunk shall be: the reduced-order model's own state, and the heading."""
+        """The state of the reduced-order model, and the heading's."""
         # in one piece: field by field takes six times as long
         fields = self._memory["reference"].copy().item()
         return BodyReference._make(fields)
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """What the latest tick did, or where the robot stands since the reset.
-
-        Made on request, for the residual takes longer than the QP.
-        """
+        """The latest tick, or the pose at the reset; the residual takes longer than the QP."""
         if not self._begun:
             raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
         targets = attributes(self._memory).targets
@@ -204,11 +201,7 @@ class LocomotionController:
 
 
 def check_friction(friction: float) -> float:
-    """Return µ of the contact forces.
-
-    Raises:
-        InvalidInputError: if it is no number that a controller can plan with.
-    """
+    """Return µ of the contact forces, if a controller can plan with it."""
     return finite_float("friction", friction, minimum=LEAST_FRICTION, maximum=LARGEST_FRICTION)
 
 

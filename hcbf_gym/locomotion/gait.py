@@ -10,7 +10,7 @@ class Gait(NamedTuple):
         period: of a stride [s].
         duty: share of the period that a foot stands.
         offsets: phase of FR, FL, RR, RL at time zero; a foot stands while its phase is below duty.
-        rests: whether all feet stay down while nothing is asked and nothing disturbs.
+        rests: whether all feet stay down without a command and a disturbance.
         max_speed: up to which it walks well [m/s].
     """
 

@@ -39,7 +39,7 @@ class RobotModel:
     """A floating trunk with four abad–hip–knee legs.
 
     Args:
-        robot: as read from its file, which may hold no ``<include>``.
+        robot: as read from its file without ``<include>``.
 
     Raises:
         RobotModelError: if Pinocchio cannot read the file, or the closed form does not cover its

@@ -1,4 +1,4 @@
-"""How the controller calls a solver: every status is read, no solution is guessed."""
+"""The controller's solver: every status is read, no solution is guessed."""
 
 from functools import cache
 from typing import NamedTuple
@@ -34,7 +34,7 @@ class QuadraticProgram(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What the solver said.
+    """The solver's result.
 
     Attributes:
         x: (n,) the minimiser, or None if none was found.

@@ -1,6 +1,6 @@
-"""What the controller is told about the robot: the way in, and nothing else.
+"""The controller's input: the state of the robot as one vector.
 
-A state travels as one vector: entering compiled code costs time per argument.
+Entering compiled code costs time per argument.
 """
 
 from hcbf_gym.arrays import Array, Mask
@@ -9,7 +9,7 @@ STATE_SIZE = 41
 
 
 class RobotState:
-    """The estimate of the robot's state that sensors and an estimator would give.
+    """The robot's state, measured or estimated.
 
     Joints and feet are ordered FR, FL, RR, RL; the joints of a leg abad, hip, knee. The attributes
     are views of `vector`, along its last axis; the contacts are a copy.
