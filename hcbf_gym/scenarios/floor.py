@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from hcbf_gym import plugins
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.errors import InvalidInputError
@@ -77,7 +78,11 @@ def register_floors(read: Callable[[Mapping[str, Any]], Floor], draw: Callable[.
 def floors() -> Floors:
     """Return how maps are read and used."""
     if not _FLOORS:
-        raise InvalidInputError("map: got one, expected `import hcbf_robots`, which reads maps")
+        plugins.load()
+    if not _FLOORS:
+        raise InvalidInputError(
+            "map: got one, expected the package hcbf_robots, which reads maps, to be installed"
+        )
     return _FLOORS[0]
 
 
