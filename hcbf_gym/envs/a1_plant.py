@@ -49,41 +49,20 @@ class Law(NamedTuple):
     nominal plant, the speed limit ``share w v + ‖u‖ late``, with late the torque's delay beyond the
     nominal one and w the sum of the other terms, each times how far its range leaves the nominal
     plant. No margin covers a fall: a cap above ``FASTEST − slower w`` is lowered to it.
-
-    Attributes:
-        fast: of the cap above `V_MAX` [s].
-        rough: of rough ground [m].
-        slippery: of the friction that the floor lacks [m].
-        payload: [m/kg].
-        weak: of the share of the torque that is missing [m].
-        late: of the delay [m/s].
-        noise: of the scale of the sensors' noise [m].
-        share: of w v [1/m].
-        slower: of w [1/s].
     """
 
-    fast: float
-    rough: float
-    slippery: float
-    payload: float
-    weak: float
-    late: float
-    noise: float
-    share: float
-    slower: float
+    fast: float = 0.1  # of the cap above `V_MAX` [s]
+    rough: float = 0.014  # of rough ground [m]
+    slippery: float = 0.04  # of the friction that the floor lacks [m]
+    payload: float = 0.002  # [m/kg]
+    weak: float = 0.03  # of the share of the torque that is missing [m]
+    late: float = 2.5  # of the delay [m/s]
+    noise: float = 0.02  # of the scale of the sensors' noise [m]
+    share: float = 1.0  # of w v [1/m]
+    slower: float = 10.0  # of w [1/s]
 
 
-LAW = Law(
-    fast=0.1,
-    rough=0.014,
-    slippery=0.04,
-    payload=0.002,
-    weak=0.03,
-    late=2.5,
-    noise=0.02,
-    share=1.0,
-    slower=10.0,
-)
+LAW = Law()
 """Calibrated with hostile episodes of `evaluation.certification.mixture`."""
 
 PLANNED = 0.75
@@ -92,18 +71,13 @@ PLANNED = 0.75
 CARRIED = 0.85
 """Share of µg that a component of u may take: the rest holds the trunk on its reference."""
 
-SLIP = 0.08
-"""The watch's bound of slip on the nominal plant [m/s]."""
+SLIP, LAG, LIFT = 0.08, 0.2, 0.9
+"""The watch's bounds: of slip on the nominal plant [m/s], of lag, and of lift beyond what is
+declared [m/s²]."""
 
 ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 2000.0
 """What adds to it: rough ground, an estimated velocity, sensor noise of 1 [m/s], and the square of
 the delay [m/s³]."""
-
-LAG = 0.2
-"""The watch's bound of lag."""
-
-LIFT = 0.9
-"""The watch's bound of lift beyond what is declared [m/s²]."""
 
 
 def derived_friction(declared: Randomization) -> float:
@@ -136,10 +110,6 @@ def plant_model(
         declared: the ranges of the plant's conditions.
         friction: µ that the controller plans with.
         reach: of the robot beyond its trunk's centre [m]; 0 for a point.
-
-    Raises:
-        InvalidInputError: if the scenario's cap on the speed is more than the A1 walks, or leaves
-            no speed.
     """
     terrain = str(arguments["terrain"])
     input_set = carried_inputs(scenario.input_set, friction)
@@ -162,15 +132,8 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model; see `Law`.
 
-    Args:
-        declared: the ranges of the plant's conditions.
-        terrain: "flat" or "rough".
-        body: the reach beyond the trunk's centre [m]; 0 for a point.
-        input_set: U, as the ground carries it.
-        v_max: the strict cap on the speed [m/s].
-
-    Raises:
-        InvalidInputError: if the margin of the speed limit leaves no speed.
+    The body reaches so far beyond the trunk's centre [m], 0 for a point; U is what the ground
+    carries, `v_max` the strict cap on the speed [m/s].
     """
     fast = LAW.fast * max(0.0, v_max - V_MAX)
     still, growing = _speed_margin(declared, terrain, input_set)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,23 +17,11 @@ LONGEST, STRONGEST = 1e5, 1e5
 
 
 class Push(NamedTuple):
-    """A constant force at the trunk's centre of mass.
+    """A constant force at the trunk's centre of mass."""
 
-    Attributes:
-        time: when it starts [s].
-        duration: [s].
-        force: (3,) in the world [N].
-    """
-
-    time: float
-    duration: float
-    force: Array
-
-
-class Disturbance(Protocol):
-    """Draws the pushes of an episode."""
-
-    def draw(self, rng: np.random.Generator) -> list[Push]: ...  # noqa: D102
+    time: float  # of its start [s]
+    duration: float  # [s]
+    force: Array  # (3,) in the world [N]
 
 
 @dataclass(frozen=True)
@@ -105,7 +93,9 @@ class RandomPushes:
 _KINDS = {"scheduled": ScheduledPushes, "random": RandomPushes}
 
 
-def disturbance_from_dict(values: Mapping[str, object] | None) -> Disturbance:
+def disturbance_from_dict(
+    values: Mapping[str, object] | None,
+) -> ScheduledPushes | RandomPushes:
     """Return what a plain dict ``{"kind": "scheduled" | "random", …}`` describes; None is calm.
 
     Raises:

@@ -19,21 +19,13 @@ S = TypeVar("S", bound=Simulation)
 
 
 class Motion(NamedTuple):
-    """A robot's motion from one action to the next.
+    """A robot's motion from one action to the next."""
 
-    Attributes:
-        path: (k, 4) planar position [m] and velocity [m/s] of the trunk's origin, after every tick.
-        times: (k,) of them since the reset [s].
-        obstacle_force: (b,) the largest force with each box [N].
-        body_h: (m,) of the whole robot at the end [m]; None where it counts as a point.
-        least_body_h: (m,) the least of it.
-    """
-
-    path: Array
-    times: Array
-    obstacle_force: Array
-    body_h: Array | None = None
-    least_body_h: Array | None = None
+    path: Array  # (k, 4) planar position [m] and velocity [m/s] of the trunk's origin, by tick
+    times: Array  # (k,) of them since the reset [s]
+    obstacle_force: Array  # (b,) the largest force with each box [N]
+    body_h: Array | None = None  # (m,) of the whole robot at the end [m]; None for a point
+    least_body_h: Array | None = None  # (m,) the least of it
 
 
 class Drive(ABC, Generic[S]):
@@ -73,11 +65,7 @@ class Drive(ABC, Generic[S]):
     ) -> Motion:
         """Put the point that follows the model at rest at a position (2,) [m], heading yaw [rad].
 
-        Args:
-            position: (2,) [m].
-            yaw: the robot's heading [rad].
-            barriers: from which the body's distance is measured.
-            rng: decides what is random.
+        The body's distance is measured from the barriers; `rng` decides what is random.
         """
         ahead = self._look_ahead * np.array([math.cos(yaw), math.sin(yaw)])
         self.simulation.reset(position - ahead, yaw, rng)
@@ -146,11 +134,9 @@ class Drive(ABC, Generic[S]):
 
 
 def tracked(base: Array, look_ahead: float) -> Array:
-    """Return (n, 4) position and velocity of the point before the trunk, while they are finite.
+    """Return (n, 4) position and velocity of the point ℓ [m] before the trunk, while finite.
 
-    Args:
-        base: (k, 13) position, quaternion, velocity and turning rate of the trunk.
-        look_ahead: ℓ [m].
+    The trunk's `base` (k, 13) is position, quaternion, velocity and turning rate.
     """
     path = np.empty((len(base), 4))
     return path[: _core.tracked_path(base, look_ahead, path)]

@@ -35,27 +35,16 @@ READERS = _BARRIERS, _ESTIMATE, _GOAL, _JUDGED
 
 
 class PlantModel(NamedTuple):
-    """What a filter assumes of a robot, from its environment's arguments.
+    """What a filter assumes of a robot, from its environment's arguments."""
 
-    Attributes:
-        input_set: U, shrunk to what the robot can follow.
-        v_max: the strict cap on the speed [m/s]; None for none.
-        uncertainty: how far the robot may be from its reduced-order model.
-        declared: the arguments, as certificates compare them.
-        nearest: the shipped certificate that fits them best.
-        axle: what limits a differential drive; None for all others.
-        braking: the deceleration with which its body stops [m/s²]; None for that of U.
-        on_alarm: what an alarm leads to, "warn" or "brake".
-    """
-
-    input_set: InputSet
-    v_max: float | None
-    uncertainty: Uncertainty
-    declared: dict[str, Any]
-    nearest: NearestCertificate
-    axle: Axle | None = None
-    braking: float | None = None
-    on_alarm: str = "brake"
+    input_set: InputSet  # U, shrunk to what the robot can follow
+    v_max: float | None  # the strict cap on the speed [m/s]; None for none
+    uncertainty: Uncertainty  # how far the robot may be from its reduced-order model
+    declared: dict[str, Any]  # the arguments, as certificates compare them
+    nearest: NearestCertificate  # the shipped certificate that fits them best
+    axle: Axle | None = None  # what limits a differential drive; None for all others
+    braking: float | None = None  # deceleration with which its body stops [m/s²]; None: that of U
+    on_alarm: str = "brake"  # or "warn"
 
 
 def exact(scenes: SceneSource, n: int | None = None) -> PlantModel:

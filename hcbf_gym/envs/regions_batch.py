@@ -27,17 +27,11 @@ class BatchStep(NamedTuple):
 
 
 class References(NamedTuple):
-    """What N robots follow, at the control times.
+    """What N robots follow, at the control times."""
 
-    Attributes:
-        tables: (k, T, 6) position [m], velocity [m/s] and acceleration [m/s²].
-        of: (N,) which table each robot follows.
-        last: (N,) that table's last row, which holds from then on.
-    """
-
-    tables: Array
-    of: Integers
-    last: Integers
+    tables: Array  # (k, T, 6) position [m], velocity [m/s] and acceleration [m/s²]
+    of: Integers  # (N,) which table each robot follows
+    last: Integers  # (N,) that table's last row, which holds from then on
 
 
 class RegionsBatch:

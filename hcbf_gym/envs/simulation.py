@@ -24,29 +24,17 @@ BASE_SIZE = 13
 
 
 class SimulatedRobot(NamedTuple):
-    """The robot of a scene.
+    """The robot of a scene."""
 
-    Attributes:
-        spec: the robot alone, whose first body is the trunk, with its options of the physics.
-        source: its file, for messages.
-        trunk: name of its first body.
-        home_joints: (j,) of its joints at the start [rad].
-        height: of the trunk above flat ground at the start [m].
-        inputs: how many a step takes.
-        least_upright: cosine of the trunk's tilt below which the robot has fallen.
-        least_height: of the trunk below which it has fallen [m].
-        floor_decides: whether contacts have the floor's friction alone.
-    """
-
-    spec: mujoco.MjSpec
-    source: str | Path
-    trunk: str
-    home_joints: Array
-    height: float
-    inputs: int
-    least_upright: float
-    least_height: float
-    floor_decides: bool
+    spec: mujoco.MjSpec  # the robot alone, whose first body is the trunk, with its options
+    source: str | Path  # its file, for messages
+    trunk: str  # name of its first body
+    home_joints: Array  # (j,) at the start [rad]
+    height: float  # of the trunk above flat ground at the start [m]
+    inputs: int  # how many a step takes
+    least_upright: float  # cosine of the trunk's tilt below which the robot has fallen
+    least_height: float  # of the trunk below which it has fallen [m]
+    floor_decides: bool  # whether contacts have the floor's friction alone
 
 
 class Simulation(ABC):
