@@ -38,18 +38,12 @@ class A1Physics(Simulation):
         xml_file: MJCF of the robot alone; None means the package's own A1. Its actuators are
             replaced by torque motors.
         timestep: of the physics [s].
-        obstacles: as `Simulation` takes them.
-        terrain: as `Simulation` takes it.
+        obstacles: as `Simulation` takes them, like `terrain` and `disturbances`.
         randomization: plain dict of `Randomization`'s ranges; None is the nominal plant.
-        disturbances: as `Simulation` takes them.
 
     Attributes:
         robot: as read from its file.
         truth: (41,) the vector of the robot's state without noise; every tick has its own.
-
-    Raises:
-        RobotModelError: if the robot has not the A1's trunk, joints and feet.
-        InvalidInputError: on a number out of range, an unknown name, or an ambiguous box.
     """
 
     def __init__(
@@ -95,8 +89,7 @@ class A1Physics(Simulation):
     def step(self, inputs: Array) -> None:
         """Advance the physics by one tick under the joint torques (12,) [N·m].
 
-        The tick ends with `mj_step1`, so that positions, velocities and contacts are those of the
-        new time when the controller reads them.
+        It ends with `mj_step1`, so that the controller reads contacts of the new time.
         """
         self._motors.drive(self.conditions.motor_strength, self._disturbed(inputs))
         mujoco.mj_step2(self.model, self.data)

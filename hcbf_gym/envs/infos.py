@@ -13,11 +13,7 @@ from hcbf_gym.errors import choose
 
 
 def mode_of(mode: str | AutoresetMode) -> AutoresetMode:
-    """Return how a vector environment starts over: "NextStep", "SameStep" or "Disabled".
-
-    Raises:
-        UnknownNameError: if it is none of them; the message lists them.
-    """
+    """Return Gymnasium's mode "NextStep", "SameStep" or "Disabled"."""
     if isinstance(mode, AutoresetMode):
         return mode
     return choose("autoreset_mode", mode, {one.value: one for one in AutoresetMode})
@@ -56,11 +52,7 @@ def put(infos: Info, mask: Mask, fresh: Info) -> None:
 def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
     """Turn a step's infos into those of a step that ended with a reset (mode SameStep), in place.
 
-    Args:
-        infos: of the step.
-        done: (N,) whose episodes ended.
-        last: (N, …) the observations at the step's end.
-        fresh: infos of the reset.
+    Episodes `done` (N,) ended with the observations `last` (N, …); `fresh` is of the reset.
     """
     final_obs = np.full(len(done), None, dtype=object)
     for i in np.flatnonzero(done):
@@ -72,14 +64,10 @@ def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
 
 
 class Reporter:
-    """Adds one entry to a vector environment's infos.
+    """Adds the entry `key` to a vector environment's infos.
 
     An environment that was reset in a step reports the reset's entry, not the step's; with mode
     SameStep the step's own part goes to ``final_info``.
-
-    Args:
-        env: whose infos are added to.
-        key: of the entry.
     """
 
     def __init__(self, env: VectorEnv, key: str):
@@ -88,12 +76,9 @@ class Reporter:
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
 
     def at_reset(self, infos: Info, fresh: Any, options: dict[str, Any] | None) -> None:
-        """Add what a reset reports, for those of ``options["reset_mask"]`` or for all.
+        """Add what a reset reports, for those of ``options["reset_mask"]`` or for all, in place.
 
-        Args:
-            infos: of the reset; added to in place.
-            fresh: (N, …) the entry after a reset, or a dict of such arrays.
-            options: of the reset, unchanged.
+        The entry `fresh` after a reset is (N, …), or a dict of such arrays.
         """
         everyone = np.ones_like(self._ended)
         mask = everyone if options is None else options.get("reset_mask", everyone)

@@ -77,11 +77,8 @@ def set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
 def add_ground(spec: mujoco.MjSpec, terrain: str, decides: bool) -> None:
     """Add the ground and its light.
 
-    Args:
-        spec: of the scene.
-        terrain: "flat" without end, or "rough": blocks of random height up to `ROUGH_STEP`, always
-            the same, between four walls.
-        decides: whether contacts have the floor's friction alone.
+    The terrain is "flat" without end, or "rough": always the same blocks of random height up to
+    `ROUGH_STEP`, between four walls. If the floor `decides`, contacts have its friction alone.
     """
     add = choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})
     _add_floor_material(spec)

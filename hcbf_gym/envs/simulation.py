@@ -53,10 +53,6 @@ class Simulation(ABC):
         trunk: name of the robot's first body.
         home_joints: (j,) of the robot at the start [rad].
         conditions: of this episode.
-
-    Raises:
-        RobotModelError: if MuJoCo refuses the robot.
-        InvalidInputError: on an unknown name or an ambiguous box.
     """
 
     def __init__(

@@ -66,7 +66,7 @@ class StepTally:
         Args:
             scene: the barriers.
             motion: the robot's path in the step.
-            known: of the robot at the end, on which the loop is closed.
+            known: the estimate at the end, on which the loop is closed.
             reference: (6,) position, velocity and acceleration at the end.
             u: (2,) the applied acceleration [m/s²].
             distances: ‖p_ref − p‖ before the step and after it [m].

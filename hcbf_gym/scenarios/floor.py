@@ -56,15 +56,11 @@ class Floor(Protocol):
 
 
 class Floors(NamedTuple):
-    """How a package of maps reads and uses them.
+    """How a package of maps reads and uses them."""
 
-    Attributes:
-        read: the dict of a map → the map, the same one for the same dict.
-        draw: (map, generator, start (2,), goal (2,)) fills start and goal of a path through it [m].
-    """
-
-    read: Callable[[Mapping[str, Any]], Floor]
+    read: Callable[[Mapping[str, Any]], Floor]  # the same map for the same dict
     draw: Callable[[Any, np.random.Generator, Array, Array], None]
+    """(map, generator, start (2,), goal (2,)) fills start and goal of a path through it [m]."""
 
 
 _FLOORS: list[Floors] = []

@@ -62,14 +62,9 @@ def check_count(scene: Scene, least: int, exact: bool = False) -> None:
 
 
 def room_beside(path: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
-    """Return the greatest circumradius that a region at (x, y) may have beside a path [m].
+    """Return the greatest circumradius that a region at (x, y) may have beside a path (k, 2) [m].
 
-    Args:
-        path: (k, 2) its points [m].
-        x: of the region [m].
-        y: of the region [m].
-        clear: what stays free on both sides of the path [m].
-        clear_ends: what stays free around its first and its last point [m].
+    It leaves `clear` [m] on both sides of the path, and `clear_ends` around its ends.
     """
     (x0, y0), (x1, y1) = path[0], path[-1]
     room = min(np.hypot(x - x0, y - y0), np.hypot(x - x1, y - y1)) - clear_ends

@@ -22,19 +22,13 @@ class WalkerPhysics(Simulation):
 
     Args:
         walker: the robot's contract.
-        obstacles: as `Simulation` takes them.
-        terrain: as `Simulation` takes it.
+        obstacles: as `Simulation` takes them, like `terrain` and `disturbances`.
         randomization: plain dict of `Randomization`'s ranges, without sensor noise; the floor's
             friction is the contract's where none is given.
-        disturbances: as `Simulation` takes them.
 
     Attributes:
         parts: names of the robot's parts.
         at: their indices in the scene.
-
-    Raises:
-        RobotModelError: if the robot's file does not match the contract.
-        InvalidInputError: on a number out of range, an unknown name or an ambiguous box.
     """
 
     def __init__(
