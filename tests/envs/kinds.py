@@ -7,6 +7,7 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 
+import hcbf_robots  # noqa: F401 - registers walkers
 from hcbf_gym import policies, wrappers
 from hcbf_gym.evaluation.episode import samples
 

@@ -19,9 +19,10 @@ N, LIMIT = 3, 90
 MODES = list(AutoresetMode)
 SCENES = ("random-moving", "paper-experiment")
 TARN = f"{Path(__file__).parents[1] / 'scenarios' / 'tarn.py'}:tarn"
+SEEN = f"{TARN}-seen"  # with its own observation, reward and costs
 OTHERS = (
     TARN,
-    f"{TARN}-seen",  # with its own observation, reward and costs
+    SEEN,
     "map-flat",
     *(n for n in scenarios.families() if n not in SCENES and not n.startswith(("map-", "tarn"))),
 )
@@ -113,6 +114,9 @@ def test_native_sync_and_single_agree_in_everything(scenario, stack, mode):
         np.testing.assert_allclose(returns[0][i], observation, atol=1e-12)
         assert_equal(row(returns[1], i), info)
     policy, ended, episodes = policies.PDTracker.for_env(batch), np.zeros(N, dtype=bool), 0
+    rng = np.random.default_rng(1)
+    if scenario == SEEN:  # PD cannot read its observations
+        policy = lambda observation, info: rng.uniform(-4.0, 4.0, (N, 2)).astype(np.float32)  # noqa: E731
     for k in range(2 * LIMIT + 5):
         if mode is AutoresetMode.DISABLED and ended.any():
             returns = batch.reset(options={"reset_mask": ended})
