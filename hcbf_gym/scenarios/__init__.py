@@ -18,7 +18,7 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps, trolley
 from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, Family, Hooks, Moment
-from hcbf_gym.scenarios.floor import Floor, Region, floors, name_of, register_floors
+from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
 
@@ -32,7 +32,6 @@ __all__ = [
     "Floor",
     "Hooks",
     "Moment",
-    "Region",
     "Scenario",
     "ScenarioLike",
     "Scene",
