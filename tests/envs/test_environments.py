@@ -14,8 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from kinds import A1, CARTS, CODES, KINDS, ROM, WALKER, every, filtered, flat, make, only, run
 from needs import needs
 
-import hcbf_gym
-from hcbf_gym import programs, scenarios, wrappers
+from hcbf_gym import scenarios, wrappers
 from hcbf_gym.errors import HcbfError, InvalidInputError, RenderingError, UnknownNameError
 from hcbf_gym.programs import FilterStatus
 
@@ -61,9 +60,12 @@ def test_sb3s_checker_finds_nothing(kind, making):
 
 @every
 def test_a_filtered_environment_is_rebuilt_from_its_spec(kind):
-    options = {"scenario": "random", "v_max": 1.0, "body": "footprint"}
+    options = {
+        ROM: {"scenario": "paper-experiment"},
+        A1: {"scenario": "paper-experiment", "estimation": {"drift": 0.03, "rate": 10.0}},
+    }.get(kind, {"scenario": "random", "v_max": 1.0, "body": "footprint"})
     env = wrappers.SafetyFilter(
-        make(kind, **({"scenario": "paper-experiment"} if kind in (ROM, A1) else options)),
+        make(kind, **options),
         program="h-cbf-qp",
         gamma0=2.0,
         alpha1={"kind": "log", "phi1": 0.8},
@@ -326,15 +328,3 @@ def test_human_rendering_without_a_display_names_the_other_mode(monkeypatch):
     with pytest.raises(RenderingError, match="rgb_array"):
         env.render()
     env.close()
-
-
-def test_the_public_names_are_there():
-    assert {"paper-simulation", "paper-four-levels"} <= set(hcbf_gym.scenarios.names())
-    assert {"cbf-qp", "r-cbf-qp", "h-cbf-qp"} <= set(programs.names())
-
-
-def test_mujocos_model_and_data_are_where_gymnasium_has_them():
-    env = make(A1).unwrapped
-    env.reset(seed=0)
-    assert env.model.nu == 12
-    assert env.data.qpos[:2] == pytest.approx(env.truth[:2])

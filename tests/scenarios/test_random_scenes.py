@@ -222,7 +222,7 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
         assert (reach[strict] <= clear).all()
 
 
-def test_a_floor_has_doors_open_and_shut_and_differs_in_every_episode():
+def test_a_floor_has_doorways_open_and_shut_and_differs_in_every_episode():
     shut, starts = set(), set()
     for seed in SEEDS:
         layout = drawn(seed, "random-map")
