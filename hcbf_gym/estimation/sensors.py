@@ -1,7 +1,7 @@
 """Which sensors the robot has, and how well each of them measures."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,28 +12,26 @@ DEGREE = float(np.pi / 180.0)
 MAX_DELAY = 1.0
 """The oldest fix [s] that the estimator can use."""
 
-LARGEST = {
-    "rate": 1e4,  # [Hz]
-    "noise": 100.0,  # [m]
-    "drift": 100.0,  # [m]
-    "drift_time": 1e6,  # [s]
-    "yaw": float(np.pi),  # [rad]
-    "tilt": float(np.pi),  # [rad]
-    "orientation_time": 1e6,  # [s]
-    "gyroscope": 10.0,  # [rad/s/√Hz]
-    "accelerometer": 100.0,  # [m/s²/√Hz]
-    "encoder": float(np.pi),  # [rad]
-    "slip": 100.0,  # [m/s]
-    "slip_time": 1e6,  # [s]
-    "delay": MAX_DELAY,
-    "contact": np.nextafter(0.5, 0.0),
-}
-"""Of a number: more is a slip of the pen."""
-
 LEAST = 1e-6
 """Of a number that must be positive, so that nothing divided by it leaves the finite numbers."""
 
-_POSITIVE = ("rate", "noise", "drift_time", "orientation_time", "slip_time", "slip", "tilt")
+RANGES = {
+    "rate": (LEAST, 1e4),  # [Hz]
+    "noise": (LEAST, 100.0),  # [m]
+    "delay": (0.0, MAX_DELAY),
+    "drift": (0.0, 100.0),  # [m]
+    "drift_time": (LEAST, 1e6),  # [s]
+    "yaw": (0.0, float(np.pi)),  # [rad]
+    "tilt": (LEAST, float(np.pi)),  # [rad]
+    "orientation_time": (LEAST, 1e6),  # [s]
+    "gyroscope": (0.0, 10.0),  # [rad/s/√Hz]
+    "accelerometer": (0.0, 100.0),  # [m/s²/√Hz]
+    "encoder": (0.0, float(np.pi)),  # [rad]
+    "slip": (LEAST, 100.0),  # [m/s]
+    "slip_time": (LEAST, 1e6),  # [s]
+    "contact": (0.0, np.nextafter(0.5, 0.0)),
+}
+"""Of each number: more is a slip of the pen."""
 
 
 @dataclass(frozen=True)
@@ -80,11 +78,9 @@ class Sensors:
     contact: float = 0.002
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            least = LEAST if field.name in _POSITIVE else 0.0
-            number = finite_float(field.name, value, minimum=least, maximum=LARGEST[field.name])
-            object.__setattr__(self, field.name, number)
+        for name, (least, most) in RANGES.items():
+            number = finite_float(name, getattr(self, name), minimum=least, maximum=most)
+            object.__setattr__(self, name, number)
 
 
 PRESETS: dict[str, Sensors] = {

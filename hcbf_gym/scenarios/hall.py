@@ -66,9 +66,10 @@ def room_beside(path: Array, x: float, y: float, clear: float, clear_ends: float
 
     It leaves `clear` [m] on both sides of the path, and `clear_ends` around its ends.
     """
-    (x0, y0), (x1, y1) = path[0], path[-1]
+    points, x, y = path.tolist(), float(x), float(y)  # numbers of Python are faster one by one
+    (x0, y0), (x1, y1) = points[0], points[-1]
     room = min(np.hypot(x - x0, y - y0), np.hypot(x - x1, y - y1)) - clear_ends
-    for (ax, ay), (bx, by) in pairwise(path):
+    for (ax, ay), (bx, by) in pairwise(points):
         ex, ey = bx - ax, by - ay
         ox, oy = x - ax, y - ay
         along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
