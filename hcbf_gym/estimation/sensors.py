@@ -29,7 +29,7 @@ RANGES = {
     "encoder": (0.0, float(np.pi)),  # [rad]
     "slip": (LEAST, 100.0),  # [m/s]
     "slip_time": (LEAST, 1e6),  # [s]
-    "contact": (0.0, np.nextafter(0.5, 0.0)),
+    "contact": (0.0, 0.5),
 }
 """Of each number: more is a slip of the pen."""
 
