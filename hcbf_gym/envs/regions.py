@@ -1,6 +1,7 @@
 """HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
 
 from collections import deque
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,7 +91,6 @@ class RegionsEnv(SingleRegions):
         self._batch = RegionsBatch([self.scenario], scenes.hooks)
         self.action_space = task.action_space(self.scenario.input_set)
         self.observation_space = task.observation_space(self._batch.look()[0])
-        self._view: TopDownView | None = None
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
 
     @property
@@ -134,17 +134,13 @@ class RegionsEnv(SingleRegions):
         """Return an (h, w, 3) top-down picture, or None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._view is None:
-            from hcbf_gym.drawing.top_down import TopDownView
-
-            self._view = TopDownView()
         return self._view.draw(self.scenario, self.time, np.array(self._path))
 
-    def close(self) -> None:
-        """Release the picture's memory; safe to call twice."""
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+    @cached_property
+    def _view(self) -> "TopDownView":
+        from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only for pictures
+
+        return TopDownView()
 
     def _set_scene(self, scenario: Scenario) -> None:
         self.scenario = scenario

@@ -2,7 +2,8 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -20,6 +21,9 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array, count
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario, ScenarioLike, Scene
+
+if TYPE_CHECKING:
+    from hcbf_gym.drawing.top_down import TopDownView
 
 FRAME = 240
 """Side of the picture of one environment [pixels]."""
@@ -70,7 +74,6 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self._given = np.zeros(num_envs, dtype=np.bool_)
         self._done = np.zeros(num_envs, dtype=np.bool_)
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
-        self._view: Any = None
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(self._batch.look()[0])
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -179,10 +182,6 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         """
         if self.render_mode is None:
             return None
-        if self._view is None:
-            from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only where one looks
-
-            self._view = TopDownView(FRAME)
         trace = np.array(self._trace)
         return tuple(
             self._view.draw(scene, float(t), trace[-1 - steps :, i])
@@ -191,11 +190,11 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             )
         )
 
-    def close_extras(self, **kwargs: object) -> None:
-        """Release the picture's memory."""
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+    @cached_property
+    def _view(self) -> "TopDownView":
+        from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only for pictures
+
+        return TopDownView(FRAME)
 
     def _remember(self) -> None:
         """Record the positions, of which a picture shows the last ``steps + 1``."""
