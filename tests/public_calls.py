@@ -460,7 +460,7 @@ def calls() -> dict[str, Call]:
         "scenarios.load": Call(scenarios.load, given(path="nowhere.json")),
         "scenarios.register": Call(scenarios.register, given(
             name="called", draw=lambda generator, scene: None, shapes=1, v_max=1.0,
-            draw_many=None, floor=None, hooks=scenarios.Hooks(),
+            floor=None, hooks=scenarios.Hooks(),
         )),
         "scenarios.families": Call(scenarios.families, {}),
         "scenarios.family_of": Call(scenarios.family_of, given(scenario="random")),
