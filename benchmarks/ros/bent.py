@@ -168,8 +168,8 @@ def _of_kind(one: Parameter) -> Iterator[Any]:
         yield from ("scan", [1], [""], ["a", "a"], ["a.b"], ["1st"], [None], ["period"])
     else:
         yield from ("fast", [1.0], "1.0", *numbers)
-        yield from (one.low - 0.001, one.low - 1e6) if one.low is not None else ()
-        yield from (one.high + 0.001, one.high + 1e6) if one.high is not None else ()
+        yield from (one.low - 0.001, one.low - 1e6) if math.isfinite(one.low) else ()
+        yield from (one.high + 0.001, one.high + 1e6) if math.isfinite(one.high) else ()
         yield from (1.5,) if one.kind is int else ()
 
 

@@ -180,8 +180,8 @@ def _next(d: Ride, room: Room) -> tuple[float, float]:
 def _count(d: Drive, faults: Counter[str], statuses: Counter[str]) -> None:
     """Count what was decided, and let the drive forget it."""
     for _, one in d.decisions[:-1]:
-        kind = one.says.split(":")[0]
-        (statuses if kind.isupper() else faults)[kind if kind.isupper() else one.says] += 1
+        kind = one.message.split(":")[0]
+        (statuses if kind.isupper() else faults)[kind if kind.isupper() else one.message] += 1
     del d.decisions[:-1], d.told[:-1], d.speeds[:]
     assert isinstance(d, Ride)
     del d.robot.path[:-1]

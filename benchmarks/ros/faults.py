@@ -285,7 +285,7 @@ def try_case(name: str, seed: int) -> Trial:
         during, did, speeds = d.decisions[first:], d.told[first:], d.speeds[ticks:]
         d.run(case.again, each=each)
         d.run(0.5, each=each)
-    says = tuple(dict.fromkeys(one.says for _, one in during))
+    says = tuple(dict.fromkeys(one.message for _, one in during))
     again = moved and _moves(d.told[-1])
     if case.within is None:
         return Trial(all(map(_moves, did)), True, True, again, says, 0.0)
@@ -295,7 +295,7 @@ def try_case(name: str, seed: int) -> Trial:
     in_time = in_time and not any(map(_moves, did[zero:]))
     told = [one for _, one in (after if case.lasts else after[:1])]
     reasons = case.reason.split("|")
-    named = all(any(reason in one.says for reason in reasons) for one in told)
+    named = all(any(reason in one.message for reason in reasons) for one in told)
     away, fastest = TICK * sum(speeds), max(speeds)
     until = case.within + STEP + TICK
     stands = away <= fastest * until + fastest**2 / (2.0 * HARDEST[0]) + 1e-6

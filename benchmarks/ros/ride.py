@@ -59,7 +59,7 @@ class Ride(Drive):
         super()._step()
         if self.last.command is not None:
             told = self.velocity
-            self.robot.tell(told if len(told) == 3 else (told[0], 0.0, told[1]))
+            self.robot.command(told if len(told) == 3 else (told[0], 0.0, told[1]))
 
     @property
     def twist(self) -> Array:

@@ -186,7 +186,7 @@ def drive_by_rule(one: Scene) -> bool:
             moved, begun = robot.pose[:2] - one.start[:2], robot.time
             zones = [[(x + moved[0], y + moved[1]) for x, y in corners] for corners in one.zones]
         touches = zones and left(zones, robot.pose)[0] < reach
-        robot.tell((0.0, 0.0, 0.0) if touches else planner(robot.pose))
+        robot.command((0.0, 0.0, 0.0) if touches else planner(robot.pose))
         robot.run(0.05)
         if zones and robot.time > begun and _is_out(one, zones, robot.pose, reach):
             return True

@@ -31,8 +31,8 @@ def run(
 ) -> None:
     """Run a node until SIGINT or SIGTERM, or until ROS shuts down.
 
-    Signals do not shut ROS down at once, as they would by default: the node says its last word
-    first. A second one ends the process.
+    Signals do not shut ROS down at once, as they would by default: the node publishes zero first. A
+    second one ends the process.
 
     Args:
         made: makes the node.
@@ -54,7 +54,7 @@ def run(
         signal.signal(number, stop)
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rclpy raises kinds of its own for what its parser refuses
+    except Exception as error:  # rclpy's parser has several kinds of exceptions
         raise InvalidInputError(
             f"ROS refuses the arguments or the parameter file: {error}"
         ) from error

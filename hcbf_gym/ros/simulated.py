@@ -1,7 +1,7 @@
 """A simulated robot on a real one's topics: a walker in MuJoCo, odometry and a ray-cast scan.
 
-It hears cmd_vel and publishes odom, scan and, with --map, the map and what of it is a mask. What
-stands behind --ros-args is ROS's own.
+It hears cmd_vel and publishes odom, scan and, with --map, the map and masks. Arguments behind
+--ros-args are ROS's own.
 """
 
 from dataclasses import dataclass
@@ -25,15 +25,15 @@ class Args:
     map: str = ""
     """A map server's YAML: seen by the scan and published on `map` [default: an empty floor]."""
     masks: tuple[str, ...] = ()
-    """More of them, each published on the topic of its file's name."""
+    """More of them, published on topics with the names of their files."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x, y [m] and yaw [rad]."""
     noise: Amount = 0.01
     """Standard deviation of the scan's ranges [m]."""
     stamped: bool | None = None
-    """Whether cmd_vel is TwistStamped [default: as the distribution has it]."""
+    """Whether cmd_vel is TwistStamped [default: the distribution's]."""
     clock: Amount = 0.0
-    """Above 0: publish /clock, and let it go so many times as fast as the wall's."""
+    """Above 0: publish /clock, so many times as fast as the wall's."""
     seed: Seed = 0
     """Of the noise."""
     path: Folder | None = None

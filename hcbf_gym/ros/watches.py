@@ -1,6 +1,6 @@
-"""Whether what a node hears is up to date, by two clocks.
+"""Whether messages are up to date, by two clocks.
 
-Stamps count on the node's clock, which a simulator or a bag may drive; that messages arrive at all
+Stamps count on the node's clock, which a simulator or a bag may drive. The arrival of messages
 counts on the steady clock, which nothing stops.
 """
 
@@ -16,7 +16,7 @@ class Now(NamedTuple):
 
     Attributes:
         ros: on the node's clock [s].
-        steady: on a clock that nobody sets [s].
+        steady: on a clock that is never set [s].
     """
 
     ros: float
@@ -28,22 +28,21 @@ class Fault(NamedTuple):
 
     Attributes:
         source: what is at fault: "command", "odometry", "clock", a source's name, …
-        says: how.
+        message: how.
     """
 
     source: str
-    says: str
+    message: str
 
     def __str__(self) -> str:
-        """Return both."""
-        return f"{self.source}: {self.says}"
+        return f"{self.source}: {self.message}"
 
 
 class Watch:
     """Watches over one kind of message.
 
     Args:
-        name: what faults call it.
+        name: in faults.
         timeout: after which it is stale [s]; 0 for never.
         tolerance: by which a stamp may be ahead of the clock [s].
     """
@@ -53,12 +52,12 @@ class Watch:
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing any more."""
+        """Begin without any message."""
         self.stamp = self._received = -math.inf
         self._wrong = ""
 
-    def stand(self) -> None:
-        """Know without a message: a file, a zone of the parameters, or what stands in any case."""
+    def set_known(self) -> None:
+        """Accept without a message: a file, or a zone of the parameters."""
         self.stamp, self._wrong = -sys.float_info.max, ""
 
     @property
@@ -75,11 +74,11 @@ class Watch:
             frame: of the message.
             expected: the frame that it must have; "" for any.
         """
+        age = now.ros - stamp
         if expected and frame != expected:
             return self.refuse(f"frame {frame!r}, expected {expected!r}")
         if not math.isfinite(stamp):
             return self.refuse(f"stamp {stamp}")
-        age = now.ros - stamp
         if not clocks.is_accepted(age, math.inf, self._tolerance):
             return self.refuse(clocks.says(age, math.inf, self._tolerance))
         if stamp <= self.stamp:
@@ -87,21 +86,22 @@ class Watch:
         self.stamp, self._received, self._wrong = stamp, now.steady, ""
         return True
 
-    def refuse(self, says: str) -> bool:
-        """Note that the newest message is faulty, until there is a sound one; return False."""
-        self._wrong = says
+    def refuse(self, message: str) -> bool:
+        """Note that the newest message is faulty, until a valid one comes; return False."""
+        self._wrong = message
         return False
 
     def fault(self, now: Now) -> Fault | None:
         """Return what is wrong now, if anything."""
-        says = self._wrong
-        if not says and not self.is_known:
-            says = "nothing received"
-        if not says and self.timeout > 0.0:
-            age = max(now.ros - self.stamp, now.steady - self._received)
-            if not clocks.is_accepted(age, self.timeout, math.inf):
-                says = clocks.says(age, self.timeout)
-        return Fault(self._name, says) if says else None
+        if self._wrong:
+            return Fault(self._name, self._wrong)
+        if not self.is_known:
+            return Fault(self._name, "nothing received")
+        age = max(now.ros - self.stamp, now.steady - self._received)
+        never = self.timeout == 0.0 or not math.isfinite(age)  # infinite: known without a message
+        if never or clocks.is_accepted(age, self.timeout, math.inf):
+            return None
+        return Fault(self._name, clocks.says(age, self.timeout))
 
 
 class ClockWatch:
@@ -117,14 +117,14 @@ class ClockWatch:
         self._back = 0.0
 
     def see(self, now: Now) -> None:
-        """Note the time whenever anything is heard."""
+        """Note the time whenever a message comes."""
         if self._moved is None or now.ros != self._moved.ros:
             if self._moved is not None:
                 self._back = max(self._back, self._moved.ros - now.ros)
             self._moved = now
 
     def went_back(self) -> Fault | None:
-        """Return a fault where the clock has gone back since this was asked."""
+        """Return a fault where the clock has gone back since the last call."""
         back, self._back = self._back, 0.0
         return Fault("clock", f"has gone back by {back:.3f} s") if back > 0.0 else None
 

@@ -209,7 +209,7 @@ def test_the_filter_and_the_node_accept_the_same_stamps():
         assert heard == (report["reason"] != Reason.AGE) == (ahead <= AHEAD)
         fault = watch.fault(Now(1e3, 0.0))
         if fault is not None:
-            assert any(fault.says in str(one.message) for one in raised)
+            assert any(fault.message in str(one.message) for one in raised)
 
 
 @pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands

@@ -22,7 +22,7 @@ class Core:
         self.settings = SimpleNamespace(
             sources=[zone], guidance="geodesic", goal_topic="goal", global_frame_id="odom"
         )
-        self.sources = {"zone": SimpleNamespace(settings=SimpleNamespace(type="circle"))}
+        self.sources = {"zone": SimpleNamespace(settings=None, is_scan=False)}
         self.is_localized, self.unreachable = True, ()
         self.go_on, self.begun = threading.Event(), threading.Semaphore(0)
         self.plans, self.waits, self.heard, self.leads = [], [], 0, []

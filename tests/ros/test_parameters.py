@@ -106,7 +106,7 @@ def table_of(of):
         default = f"`{json.dumps(one.default)}`"
         if one.name == "enable_stamped_cmd_vel":
             default = "of the distribution"
-        notes = [one.says]
+        notes = [one.about]
         if one.choices:
             notes.append("one of " + ", ".join(f"`{json.dumps(choice)}`" for choice in one.choices))
         if one.live:

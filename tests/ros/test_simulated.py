@@ -25,7 +25,7 @@ def test_it_does_what_it_is_told_for_as_long_as_a_command_counts_and_then_stands
     robot = SimulatedRobot(walker, start=(1.0, -2.0, 0.7))
     begun = robot.pose
     for _ in range(100):
-        robot.tell((0.3, 0.0, 0.0))
+        robot.command((0.3, 0.0, 0.0))
         robot.run(0.02)
     way = robot.pose - begun
     ahead = math.cos(0.7) * way[0] + math.sin(0.7) * way[1]
