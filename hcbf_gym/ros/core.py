@@ -94,13 +94,9 @@ class NodeCore:
     def hear_command(
         self, command: ArrayLike, now: Now, stamp: float | None = None, frame: str = ""
     ) -> bool:
-        """Take the nominal velocity, in the robot's axes; return whether it is accepted.
+        """Take the nominal velocity (3,) in the robot's axes [m/s, rad/s]; return if it is valid.
 
-        Args:
-            command: (3,) v_x, v_y [m/s] and ω [rad/s].
-            now: the present.
-            stamp: of the message [s]; None where it has none.
-            frame: of the message; "" for the robot's.
+        A message has no stamp (None) where its type has none, and "" as its frame.
         """
         self._clock.see(now)
         if self._zero_since == -math.inf:
@@ -117,17 +113,11 @@ class NodeCore:
         return heard
 
     def hear_odometry(
-        self,
-        pose: ArrayLike,
-        twist: ArrayLike,
-        stamp: float,
-        now: Now,
-        frame: str = "",
-        child: str = "",
+        self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, *frames: str
     ) -> None:
         """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
-        if self.localization.hear_odometry(pose, twist, stamp, now, frame, child):
+        if self.localization.hear_odometry(pose, twist, stamp, now, *frames):
             for source in self.sources.values():
                 if source.is_scan:  # its place is unknown now
                     source.watch.forget()
@@ -138,14 +128,8 @@ class NodeCore:
     ) -> bool:
         """Take what a source shows from now on; return whether it differs from before.
 
-        A scan counts only where the present odometry reaches back to its stamp.
-
-        Args:
-            name: of the source.
-            entries: made of its message; of a scan, in the robot's axes.
-            stamp: of the message [s].
-            now: the present.
-            frame: of the message.
+        A scan, in the robot's axes, counts only where the present odometry reaches back to its
+        stamp [s].
         """
         source = self.sources[name]
         if not source.is_scan:
@@ -154,10 +138,9 @@ class NodeCore:
                 self._show()
             return differs
         newest = self.localization.newest
+        pose = self.localization.at(stamp)
         if newest is not None and not self.settings.base_shift_correction:
             pose = newest.local
-        else:
-            pose = self.localization.at(stamp)
         accepted = source.hear_scan(entries, pose, stamp, now, frame)
         if accepted:
             self._frame = None  # it is not placed yet
@@ -172,11 +155,8 @@ class NodeCore:
     def change(self, given: Mapping[str, Any]) -> None:
         """Take parameters that may change while the node runs: all of them, or none.
 
-        Args:
-            given: name → value; names that are not the node's are ignored.
-
         Raises:
-            InvalidInputError: if one does not fit, or may not change now.
+            InvalidInputError: if one of the node's does not fit, or may not change now.
         """
         known, values = by_name(list(self.sources)), dict[str, Any]()
         for name, value in given.items():
@@ -215,13 +195,12 @@ class NodeCore:
     ) -> Entries:
         """Return what a scan shows in the robot's axes at its stamp.
 
-        Each beam counts from the robot's place at the time of that beam.
-
         Args:
             name: of the source.
             beams: the scan.
             mount: (3,) of the sensor on the robot; None takes the parameter.
-            stamp: of the first beam [s]; None for beams of one time.
+            stamp: of the first beam [s]: each counts from the robot's place at its time; None for
+                beams of one time.
 
         Raises:
             InvalidInputError: if it cannot be accepted, or odometry does not reach a beam.
@@ -237,12 +216,7 @@ class NodeCore:
     def of_grid(
         self, name: str, raster: Raster, limits: Mapping[str, object] | None = None
     ) -> Entries:
-        """Return what an occupancy grid shows.
-
-        Args:
-            name: of the source.
-            raster: the grid.
-            limits: what replaces parameters, such as base and multiplier.
+        """Return what an occupancy grid shows; `limits` replace parameters of a mask.
 
         Raises:
             InvalidInputError: if its values make no classes, or no input satisfies a limit.
@@ -255,10 +229,7 @@ class NodeCore:
         return made
 
     def planned(self, goal: ArrayLike | None) -> VelocityFilter:
-        """Return a filter that leads to a goal, its field computed; pass it to `take`.
-
-        Args:
-            goal: (2,) [m]; None for a filter that leads nowhere.
+        """Return a filter that leads to a goal (2,) [m], its field computed; pass it to `take`.
 
         Raises:
             InvalidInputError: if no path leads there.
@@ -268,21 +239,14 @@ class NodeCore:
             newest = self.localization.newest
             if newest is None:
                 raise InvalidInputError("goal: there is no pose yet, expected odometry first")
-            still = np.zeros(self._size)
-            _, report = made.step(
-                still, newest.local, newest.twist, newest.stamp, frame=newest.frame
-            )
+            state = newest.local, newest.twist, newest.stamp
+            _, report = made.step(np.zeros(self._size), *state, frame=newest.frame)
             if report["reason"] == Reason.GOAL:
                 raise InvalidInputError(made.lost)
             if report["reason"] == Reason.BARRIERS:
                 at = np.asarray(goal).tolist()
                 raise InvalidInputError(f"goal: got {at}, expected barriers that are accepted")
         return made
-
-    @property
-    def is_localized(self) -> bool:
-        """Whether a pose has come, so that a goal can be `planned`."""
-        return self.localization.newest is not None
 
     def wait(self, goal: ArrayLike) -> None:
         """Let a goal (2,) [m] wait for the first pose; then `goal_to_plan` returns it."""
@@ -325,10 +289,7 @@ class NodeCore:
             decision = self._stopped(faults, now) if faults else self._filtered(now)
         except HcbfError as error:  # nothing should raise here, and the node must not end
             faults = [*faults, Fault("filter", str(error))]
-            message, zero = "; ".join(map(str, faults)), np.zeros(self._size)
-            decision = Decision(
-                zero, self._wanted, Level.ERROR, message, Action.STOP, "filter", None
-            )
+            decision = self._zero(faults, "filter")
             self._begin_anew()
         self._last = None if faults else (now.ros, decision)
         return self._silenced(decision, now)
@@ -369,10 +330,8 @@ class NodeCore:
             why = f": {self._filter.lost}" if reason == Reason.GOAL else ""
             message = f"filter: {reason.says}{why}"
             return Decision(command, wanted, Level.ERROR, message, Action.STOP, "filter", report)
-        if status <= FilterStatus.SAFE:
-            level = Level.OK
-        else:
-            level = Level.WARN if status == FilterStatus.RELAXED else Level.ERROR
+        levels = {FilterStatus.RELAXED: Level.WARN}
+        level = Level.OK if status <= FilterStatus.SAFE else levels.get(status, Level.ERROR)
         changed = report["intervention"] > 1e-3
         name = self._nearest(report) if changed or status > FilterStatus.SAFE else ""
         message = f"{status.name}{': ' + name if name else ''}"
@@ -391,23 +350,26 @@ class NodeCore:
 
     def _stopped(self, faults: list[Fault], now: Now) -> Decision:
         """Return zero, and let the filter know that it is commanded."""
-        zero, report = np.zeros(self._size), None
+        report = None
         if math.isfinite(now.ros) and (self._last is None or now.ros > self._last[0]):
-            _, report = self._filter.step(zero, None, None, math.nan, now.ros)
-        message = "; ".join(map(str, faults))
+            _, report = self._filter.step(np.zeros(self._size), None, None, math.nan, now.ros)
         idle = [one.source for one in faults] == ["command"] and "old" in faults[0].message
         invalid = faults[0].source in self.sources and faults[0].message != INSIDE
-        name = "invalid source" if invalid else faults[0].source
+        decision = self._zero(faults, "invalid source" if invalid else faults[0].source)
         level = Level.STALE if idle else Level.ERROR
-        return Decision(zero, self._wanted, level, message, Action.STOP, name, report)
+        return decision._replace(level=level, report=report)
+
+    def _zero(self, faults: list[Fault], name: str) -> Decision:
+        zero, message = np.zeros(self._size), "; ".join(map(str, faults))
+        return Decision(zero, self._wanted, Level.ERROR, message, Action.STOP, name, None)
 
     def _passed(self, now: Now) -> Decision:
         """Return the nominal velocity while it is fresh: the node is not enabled."""
         fault = self._command.fault(now)
         command = self._wanted.copy() if fault is None else np.zeros(self._size)
         message = "not enabled" + (f"; {fault}" if fault else "")
-        decision = Decision(command, self._wanted, Level.WARN, message, Action.DO_NOTHING, "", None)
-        return self._silenced(decision, now)
+        passed = Decision(command, self._wanted, Level.WARN, message, Action.DO_NOTHING, "", None)
+        return self._silenced(passed, now)
 
     def _silenced(self, decision: Decision, now: Now) -> Decision:
         """Return the decision, without a command where zero was published for long enough."""

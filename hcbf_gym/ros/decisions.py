@@ -12,22 +12,12 @@ Action = IntEnum("Action", ["DO_NOTHING", "STOP", "SLOWDOWN", "APPROACH", "LIMIT
 
 
 class Decision(NamedTuple):
-    """What to do now.
+    """What to do now."""
 
-    Attributes:
-        command: (k,) for the robot, in its own axes [m/s, rad/s]; None: publish nothing.
-        wanted: (k,) the nominal command; zeros where there is none.
-        level: of the diagnostics.
-        message: why.
-        action: what was done to the nominal velocity.
-        name: of what it was done for.
-        report: of the filter; None where it was not called.
-    """
-
-    command: Array | None
-    wanted: Array
+    command: Array | None  # (k,) for the robot, in its own axes [m/s, rad/s]; None: publish nothing
+    wanted: Array  # (k,) the nominal command; zeros where there is none
     level: Level
     message: str
     action: Action
-    name: str
-    report: Info | None
+    name: str  # of what the action was for
+    report: Info | None  # of the filter; None where it was not called

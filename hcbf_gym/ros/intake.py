@@ -171,7 +171,7 @@ class Intake:
     def _lead(self, goal: Any) -> None:
         """Let guidance lead to a goal through what is known, or let it wait for the first pose."""
         self._planned = goal
-        if not self._core.is_localized:
+        if self._core.localization.newest is None:
             with self._lock:
                 self._core.wait(goal)
             return

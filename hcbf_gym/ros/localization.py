@@ -34,32 +34,21 @@ FROZEN_PATH, FROZEN_WITHIN = 0.05, 1e-3
 
 
 class Odometry(NamedTuple):
-    """Where the robot was.
+    """Where the robot was."""
 
-    Attributes:
-        stamp: when [s].
-        pose: (3,) x, y [m] and yaw [rad].
-        twist: (3,) v_x, v_y [m/s] and ω [rad/s] in its own axes.
-    """
-
-    stamp: float
-    pose: Array
-    twist: Array
+    stamp: float  # [s]
+    pose: Array  # (3,) x, y [m] and yaw [rad]
+    twist: Array  # (3,) v_x, v_y [m/s] and ω [rad/s] in its own axes
 
 
 class Located(NamedTuple):
-    """An `Odometry` whose pose is in the global frame, and what it follows from.
-
-    Attributes:
-        local: (3,) the pose by odometry.
-        frame: (3,) odometry's frame in the global one.
-    """
+    """An `Odometry` whose pose is in the global frame, and what it follows from."""
 
     stamp: float
     pose: Array
     twist: Array
-    local: Array
-    frame: Array
+    local: Array  # (3,) the pose by odometry
+    frame: Array  # (3,) odometry's frame in the global one
 
 
 class Localization:
@@ -119,15 +108,9 @@ class Localization:
     def hear_odometry(
         self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, frame: str, child: str
     ) -> bool:
-        """Take the odometry; return whether it, or the pose, has jumped.
+        """Take pose (3,) and twist (3,), see `Odometry`; return whether the robot has jumped.
 
-        Args:
-            pose: (3,) x, y [m] and yaw [rad] in its own frame.
-            twist: (3,) v_x, v_y [m/s] and ω [rad/s] in the robot's axes.
-            stamp: of the message [s].
-            now: the present.
-            frame: of the pose.
-            child: of the twist; "" for the robot's.
+        `frame` is the pose's, and `child` the twist's; "" is the robot's.
         """
         place, motion = (_plausible(given) for given in (pose, twist))
         watch, settings = self._odometry, self._settings
@@ -167,11 +150,9 @@ class Localization:
                 self._pose.refuse("there is no odometry of that time")
 
     def hear_correction(self, correction: ArrayLike | None, stamp: float) -> None:
-        """Take the odometry's frame in the global one as tf has it.
+        """Take odometry's frame (3,) in the global one as tf has it; None where it has none.
 
-        Args:
-            correction: (3,) x, y [m] and yaw [rad]; None where tf has none.
-            stamp: of it; 0 of one that never changes [s].
+        The stamp [s] of one that never changes is 0.
         """
         given = _plausible(correction)
         if correction is not None and given is None:
@@ -191,14 +172,11 @@ class Localization:
         """Return what is wrong now."""
         if self._jump is not None and now.steady >= self._jump[0]:
             self._jump = None
-        frozen = None
-        if self._still_path >= FROZEN_PATH:
-            made = f"the twist makes {self._still_path:.2f} m"
-            frozen = Fault("odometry", f"the pose stands while {made}")
+        still = f"the pose stands while the twist makes {self._still_path:.2f} m"
         return [
             self._odometry.fault(now),
             self._pose.fault(now) if self._needs_pose else None,
-            frozen,
+            Fault("odometry", still) if self._still_path >= FROZEN_PATH else None,
             self._jump[1] if self._jump is not None else None,
         ]
 

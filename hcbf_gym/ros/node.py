@@ -46,6 +46,17 @@ SWITCH = 2e-4
 DONE, REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
+class _ToRos(logging.Handler):
+    """Passes log records to a node's logger."""
+
+    def __init__(self, logger: Any):
+        super().__init__()
+        self._logger = logger
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._logger.info(record.getMessage())
+
+
 class FilterNode(LifecycleNode):
     """The node; see docs/ros.md for its topics, services and parameters.
 
@@ -60,8 +71,7 @@ class FilterNode(LifecycleNode):
         self._bond: Any = None
         self._lock = threading.Lock()
         self.is_active = False
-        self._log = logging.Handler()
-        self._log.emit = lambda record: self.get_logger().info(record.getMessage())
+        self._log = _ToRos(self.get_logger())
         self._undo: list[tuple[Callable[[Any], Any], Any]] = []
         self._declare()
         self.add_on_set_parameters_callback(self._on_parameters)
@@ -160,7 +170,7 @@ class FilterNode(LifecycleNode):
         if self.resolve_topic_name(wanted) == whole:
             raise InvalidInputError(
                 f"parameter cmd_vel_out_topic: got {given!r}, which is {whole} as {wanted!r} of "
-                "cmd_vel_in_topic is, expected another"
+                "cmd_vel_in_topic, expected another"
             )
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
@@ -177,7 +187,12 @@ class FilterNode(LifecycleNode):
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Publish zero once more, and nothing after it."""
-        self._end()
+        if self.is_active:
+            self._publish(np.zeros(3))
+        self.is_active = False
+        if self._bond is not None:
+            self._bond.break_bond()
+            self._bond = None
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
@@ -187,17 +202,9 @@ class FilterNode(LifecycleNode):
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
         """Publish zero if the node was active, and end."""
-        self._end()
+        self.on_deactivate(state)
         self._clean()
         return super().on_shutdown(state)
-
-    def _end(self) -> None:
-        if self.is_active:
-            self._publish(np.zeros(3))
-        self.is_active = False
-        if self._bond is not None:
-            self._bond.break_bond()
-            self._bond = None
 
     def _clean(self) -> None:
         if self._intake is not None:
@@ -237,36 +244,34 @@ class FilterNode(LifecycleNode):
     def _on_command(self, message: Any) -> None:
         if not self.is_active:
             return
-        begun, now, core = time.perf_counter(), self._now(), self._configured
+        begun, now = time.perf_counter(), self._now()
         header = message.header if self._stamped else None
         twist = messages.twist_of(message.twist if self._stamped else message)
         stamp = None if header is None else messages.seconds(header.stamp)
         frame = "" if header is None else header.frame_id
         with self._lock:
-            accepted = core.hear_command(twist, now, stamp or None, frame)
-            decision, goal = core.step(now), core.goal_to_plan()
-        if decision.command is not None:
-            self._publish(decision.command, header if accepted else None)
+            accepted = self._configured.hear_command(twist, now, stamp or None, frame)
+        decision = self._decide(now, header if accepted else None)
         self._reporter.note(time.perf_counter() - begun)
         self._timer.reset()
-        self._conclude(decision, goal, now)
+        self._reporter.publish(decision, now, self._stamp())
 
     def _on_period(self) -> None:
         """Filter the last velocity again: none has come for a period."""
         if not self.is_active:
             return
         now = self._now()
+        self._reporter.publish(self._decide(now), now, self._stamp())
+
+    def _decide(self, now: Now, header: Any = None) -> Decision:
+        """Publish a decision, and let a goal be planned again whose field was dropped."""
         with self._lock:
             decision, goal = self._configured.step(now), self._configured.goal_to_plan()
         if decision.command is not None:
-            self._publish(decision.command)
-        self._conclude(decision, goal, now)
-
-    def _conclude(self, decision: Decision, goal: Any, now: Now) -> None:
-        """Report a decision, and plan a goal again whose field was dropped."""
-        self._reporter.publish(decision, now, self._stamp())
+            self._publish(decision.command, header)
         if goal is not None and self._intake is not None:
             self._intake.plan(goal)
+        return decision
 
     def _publish(self, command: Any, header: Any = None) -> None:
         """Publish a velocity, with the header of the nominal one, or one of now."""
@@ -280,25 +285,17 @@ class FilterNode(LifecycleNode):
         self._velocity.publish(message)
 
     def _on_odometry(self, message: Any) -> None:
-        now, core = self._now(), self._configured
+        now, core, header = self._now(), self._configured, message.header
+        pose, twist = messages.pose_of(message.pose.pose), messages.twist_of(message.twist.twist)
+        stamp, frames = messages.seconds(header.stamp), (header.frame_id, message.child_frame_id)
         with self._lock:
             if self._transforms is not None and core.settings.pose_source == "tf":
-                frames = core.settings.global_frame_id, core.settings.odom_frame_id
-                found = self._transforms.newest(*frames)
-                if found is None:
-                    core.localization.hear_correction(None, 0.0)
-                else:
-                    placed = messages.transform_of(found.transform)
-                    stamp = messages.seconds(found.header.stamp)
-                    core.localization.hear_correction(placed, stamp)
-            core.hear_odometry(
-                messages.pose_of(message.pose.pose),
-                messages.twist_of(message.twist.twist),
-                messages.seconds(message.header.stamp),
-                now,
-                message.header.frame_id,
-                message.child_frame_id,
-            )
+                between = core.settings.global_frame_id, core.settings.odom_frame_id
+                found = self._transforms.newest(*between)
+                placed = None if found is None else messages.transform_of(found.transform)
+                at = 0.0 if found is None else messages.seconds(found.header.stamp)
+                core.localization.hear_correction(placed, at)
+            core.hear_odometry(pose, twist, stamp, now, *frames)
 
     def _on_pose(self, message: Any) -> None:
         header, pose = message.header, messages.pose_of(message.pose.pose)
@@ -325,14 +322,13 @@ def _check_imports(settings: Settings) -> None:
     """Refuse parameters that need a package that is not installed."""
     if settings.pose_source == "tf" and not optional.Transforms.can_be():
         raise InvalidInputError(
-            "parameter pose_source: got 'tf' where tf2_ros cannot be imported, expected 'odom' or "
-            "'topic'"
+            "parameter pose_source: got 'tf' without tf2_ros, expected 'odom' or 'topic'"
         )
     described = [one.name for one in settings.sources if one.filter_info_topic]
     if described and optional.filter_info() is None:
         raise InvalidInputError(
-            f"parameter {described[0]}.filter_info_topic: got it where nav2_msgs cannot be imported, "
-            "expected topic, with base and multiplier by parameter"
+            f"parameter {described[0]}.filter_info_topic: got it without nav2_msgs, expected "
+            "topic, with base and multiplier by parameter"
         )
 
 
@@ -348,11 +344,9 @@ def _descriptor(one: Parameter) -> ParameterDescriptor:
 
 
 def spin(arguments: list[str], *, autostart: bool) -> None:
-    """Run the node until it is interrupted.
+    """Run the node, with arguments for ROS, until it is interrupted.
 
-    Args:
-        arguments: for ROS.
-        autostart: whether it configures and activates itself; else a lifecycle manager does.
+    With `autostart` it configures and activates itself; else a lifecycle manager does.
 
     Raises:
         InvalidInputError: if it configures itself and a parameter does not fit.

@@ -14,23 +14,17 @@ from hcbf_gym.maps import Scan, nav2
 from hcbf_gym.online.sample import placed
 from hcbf_gym.ros import sources
 from hcbf_gym.ros.parameter import naming
-from hcbf_gym.ros.parameters import ZONES, Settings, SourceSettings
+from hcbf_gym.ros.parameters import PLACES, Settings, SourceSettings
 from hcbf_gym.ros.sources import Entries
 from hcbf_gym.ros.watches import Now, Watch
 
 
 class Measured(NamedTuple):
-    """What a scan shows, in the robot's axes, and where odometry had the robot.
+    """What a scan shows, and where odometry had the robot."""
 
-    Attributes:
-        entries: in the robot's axes.
-        pose: (3,) of the robot in odometry's frame, when it was measured [m, rad].
-        stamp: of the measurement [s].
-    """
-
-    entries: Entries
-    pose: Array
-    stamp: float
+    entries: Entries  # in the robot's axes
+    pose: Array  # (3,) of the robot in odometry's frame, when it was measured [m, rad]
+    stamp: float  # of the measurement [s]
 
 
 class Source:
@@ -64,26 +58,22 @@ class Source:
     def begin(self, fastest: float, check: Callable[[Entries], None]) -> None:
         """Show what needs no message: a file, or a zone of the parameters.
 
-        Args:
-            fastest: what 100 % of a speed mask are [m/s].
-            check: refuses what no input can satisfy.
+        100 % of a speed mask are `fastest` [m/s]; `check` refuses what no input can satisfy.
 
         Raises:
             InvalidInputError: the message names the parameter.
         """
         one = self.settings
-        if one.file:
-            with naming(f"{one.name}.file"):
+        with naming(f"{one.name}.{PLACES.get(one.type, 'file')}"):
+            if one.file:
                 raster = nav2.read(one.file, drawn=one.type != "map")
                 self.entries = sources.of_grid(one, raster, fastest)
                 check(self.entries)
-        elif one.type == "polygon":
-            with naming(f"{one.name}.points"):
+            elif one.type == "polygon":
                 self.entries = sources.of_polygon(one, one.points)
-        elif one.type == "circle" and one.center:
-            with naming(f"{one.name}.center"):
+            elif one.type == "circle" and one.center:
                 self.entries = sources.of_circle(one, one.center, one.radius)
-        if one.file or one.type in ZONES:
+        if one.file or one.type in PLACES:
             self.watch.set_known()
 
     def hear(self, entries: Entries, stamp: float, now: Now, frame: str) -> bool:

@@ -13,34 +13,19 @@ Texts = tuple[str, ...]
 
 
 class Parameter(NamedTuple):
-    """One parameter.
+    """One parameter; `kind` is the type of its value, and `live` ones may be set at any time."""
 
-    Attributes:
-        name: as ROS has it; of a source behind the source's name and a dot.
-        kind: the Python type of its value.
-        default: where none is given.
-        about: its description.
-        low: the least number.
-        high: the greatest number.
-        choices: of a text; none for any.
-        live: whether it may be set while the node runs.
-    """
-
-    name: str
+    name: str  # of a source behind the source's name and a dot
     kind: Any
     default: Any
     about: str
-    low: float = -math.inf
-    high: float = math.inf
-    choices: Texts = ()
+    low: float
+    high: float
+    choices: Texts = ()  # of a text; none for any
     live: bool = False
 
     def read(self, value: Any, label: str) -> Any:
-        """Return a value as the settings have it.
-
-        Args:
-            value: as ROS or a file gave it.
-            label: the parameter's whole name.
+        """Return a value of ROS or of a file as the settings have it; `label` is the whole name.
 
         Raises:
             InvalidInputError: if it is of another type, out of range or none of the choices.
@@ -80,12 +65,14 @@ def naming(name: str) -> Iterator[None]:
         raise InvalidInputError(f"parameter {name}: {error}") from error
 
 
-def parameter(default: Any, about: str, **options: Any) -> Any:
-    """Return a field of the settings; `about` and `options` are those of `Parameter`."""
-    options["about"] = about
+def parameter(
+    default: Any, about: str, low: float = -math.inf, high: float = math.inf, **options: Any
+) -> Any:
+    """Return a field of the settings; arguments are those of `Parameter`."""
+    metadata = {"about": about, "low": low, "high": high, **options}
     if callable(default):
-        return field(default_factory=default, metadata=options)
-    return field(default=default, metadata=options)
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 def table(of: type) -> tuple[Parameter, ...]:

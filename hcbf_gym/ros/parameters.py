@@ -18,9 +18,9 @@ from hcbf_gym.ros.parameter import Parameter, parameter, table
 
 GRIDS = ("map", "keepout", "speed")
 """Types of sources that are occupancy grids."""
-ZONES = ("polygon", "circle")
-"""Types of sources that are one region, which may come, move and go."""
-TYPES = ("scan", *GRIDS, *ZONES)
+PLACES = {"polygon": "points", "circle": "center"}
+"""Types of sources that are one region, which may come, move and go → where it is."""
+TYPES = ("scan", *GRIDS, *PLACES)
 
 
 def stamped_by_default() -> bool:
@@ -37,46 +37,42 @@ class SourceSettings:
     enabled: bool = parameter(True, "whether it counts", live=True)
     topic: str = parameter("", "it is heard from; of a polygon or circle, messages replace it")
     file: str = parameter("", "of a grid: a map server's YAML, in the place of a topic")
-    priority: int = parameter(1, "its rank; 1 is the highest and strict", low=1, high=LOWEST_RANK)
-    margin: float = parameter(0.0, "reserved around it [m]", low=0.0, high=100.0)
+    priority: int = parameter(1, "its rank; 1 is the highest and strict", 1, LOWEST_RANK)
+    margin: float = parameter(0.0, "reserved around it [m]", 0.0, 100.0)
     when_inside: str = parameter(
-        "leave",
-        "the robot in it drives out by its rank, or stops",
-        choices=("leave", "stop"),
+        "leave", "the robot in it drives out by its rank, or stops", choices=("leave", "stop")
     )
     source_timeout: float = parameter(
-        -1.0, "[s]; 0: never stale; −1: source_timeout of a scan, never of the others", low=-1.0
+        -1.0, "[s]; 0: never stale; −1: source_timeout of a scan, never of the others", -1.0
     )
     frame_id: str = parameter("", 'of its messages; "": base_frame_id of a scan, else the map\'s')
     mount: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "of a scan: x, y [m] and yaw [rad] of the sensor on the robot, without tf"
     )
     scan_period: float = parameter(
-        0.1, "of a scan: how old it is at most when the next one comes [s]", low=0.0, high=10.0
+        0.1, "of a scan: how old it is at most when the next one comes [s]", 0.0, 10.0
     )
     obstacle_speed: float = parameter(
         0.0,
         "of a scan: the fastest thing around [m/s], reserved for its age, at least scan_period",
-        low=0.0,
-        high=10,
+        0.0,
+        10,
     )
     range_noise: float = parameter(
-        0.0, "of a scan: what a range is off by at most [m], reserved", low=0.0, high=1.0
+        0.0, "of a scan: what a range is off by at most [m], reserved", 0.0, 1.0
     )
     unknown: int = parameter(
-        1, "of a map: rank of unknown cells and the outside; 0: free", low=0, high=LOWEST_RANK
+        1, "of a map: rank of unknown cells and the outside; 0: free", 0, LOWEST_RANK
     )
     filter_info_topic: str = parameter(
         "", "of a mask: CostmapFilterInfo, where nav2_msgs can be imported"
     )
-    base: float = parameter(
-        100.0, "of a speed mask: limit = base + multiplier · value", low=-1e4, high=1e4
-    )
-    multiplier: float = parameter(-1.0, "of a speed mask", low=-1e4, high=1e4)
+    base: float = parameter(100.0, "of a speed mask: limit = base + multiplier · value", -1e4, 1e4)
+    multiplier: float = parameter(-1.0, "of a speed mask", -1e4, 1e4)
     percent: bool = parameter(True, "of a speed mask: limits are % of the greatest speed, or m/s")
     points: tuple[float, ...] = parameter((), "of a polygon: x and y of each corner [m]")
     center: tuple[float, ...] = parameter((), "of a circle [m]")
-    radius: float = parameter(0.0, "of a circle [m]", low=0.0, high=1e4)
+    radius: float = parameter(0.0, "of a circle [m]", 0.0, 1e4)
 
 
 @dataclass(frozen=True)
@@ -101,23 +97,21 @@ class Settings:
     goal_topic: str = parameter("goal_pose", "PoseStamped, where guidance leads")
     state_topic: str = parameter("", 'the collision monitor\'s state; "": none')
     transform_tolerance: float = parameter(
-        AHEAD, "by which a stamp may be ahead of the clock [s]", low=0.0, high=10.0
+        AHEAD, "by which a stamp may be ahead of the clock [s]", 0.0, 10.0
     )
-    source_timeout: float = parameter(2.0, "of scans [s]; 0: never stale", low=0.0, high=60.0)
-    cmd_vel_timeout: float = parameter(0.25, "of the velocity wanted [s]", low=0.01, high=10.0)
-    odom_timeout: float = parameter(0.2, "of odometry and pose [s]", low=0.01, high=10.0)
+    source_timeout: float = parameter(2.0, "of scans [s]; 0: never stale", 0.0, 60.0)
+    cmd_vel_timeout: float = parameter(0.25, "of the velocity wanted [s]", 0.01, 10.0)
+    odom_timeout: float = parameter(0.2, "of odometry and pose [s]", 0.01, 10.0)
     clock_timeout: float = parameter(
-        0.15, "how long the node's clock may stand still [s of the steady clock]", low=0.01, high=60
+        0.15, "how long the node's clock may stand still [s of the steady clock]", 0.01, 60
     )
     stop_pub_timeout: float = parameter(
-        1.0, "after so long at zero nothing is published [s]", low=0.0, high=3600.0
+        1.0, "after so long at zero nothing is published [s]", 0.0, 3600.0
     )
-    pose_jump: float = parameter(
-        0.25, "by which a pose may differ from the twist [m]", low=0.01, high=100.0
-    )
-    settle_time: float = parameter(0.2, "at zero after a jump of the pose [s]", low=0.0, high=60.0)
+    pose_jump: float = parameter(0.25, "by which a pose may differ from the twist [m]", 0.01, 100.0)
+    settle_time: float = parameter(0.2, "at zero after a jump of the pose [s]", 0.0, 60.0)
     alarm_pause: float = parameter(
-        2.0, "at zero after an alarm: the robot did not follow its commands [s]", low=0.0, high=3600
+        2.0, "at zero after an alarm: the robot did not follow its commands [s]", 0.0, 3600
     )
     base_shift_correction: bool = parameter(
         True, "whether a scan is placed by the pose at its stamp, or by the newest"
@@ -127,16 +121,16 @@ class Settings:
     )
     observation_sources: tuple[str, ...] = parameter((), "names of the sources")
     robot: str = parameter("", 'a contract\'s path or name; "": the next seven describe the robot')
-    max_forward: float = parameter(0.0, "greatest speed ahead and back [m/s]", low=0.0, high=100.0)
-    max_turn: float = parameter(0.0, "greatest turning rate [rad/s]", low=0.0, high=100.0)
+    max_forward: float = parameter(0.0, "greatest speed ahead and back [m/s]", 0.0, 100.0)
+    max_turn: float = parameter(0.0, "greatest turning rate [rad/s]", 0.0, 100.0)
     max_sideways: float = parameter(
-        0.0, "greatest speed to either side [m/s]; 0: a differential drive", low=0.0, high=100.0
+        0.0, "greatest speed to either side [m/s]; 0: a differential drive", 0.0, 100.0
     )
     look_ahead: float = parameter(
-        0.0, "of a differential drive: of the point before its axle [m]", low=0.0, high=100.0
+        0.0, "of a differential drive: of the point before its axle [m]", 0.0, 100.0
     )
     reach: float = parameter(
-        0.0, "radius of the circle around the centre, or axle, that holds it [m]", low=0.0, high=100
+        0.0, "radius of the circle around the centre, or axle, that holds it [m]", 0.0, 100
     )
     footprint: str = parameter(
         "", "its outline as Nav2 writes it, [[x, y], …]: reach becomes no less than holds it"
@@ -144,12 +138,12 @@ class Settings:
     response_file: str = parameter("", 'from hcbf identify; "": the margins of a slow robot')
     program: str = parameter("lex-cbf-qp", "which ranked program", choices=programs.names())
     period: float = parameter(
-        0.05, "after so long without a new one, the velocity is filtered again [s]",
-        low=0.005, high=0.15,
-    )  # fmt: skip
-    v_max: float = parameter(
-        0.0, "strict cap on the speed [m/s]; 0: none", low=0.0, high=100.0, live=True
+        0.05,
+        "after so long without a new one, the velocity is filtered again [s]",
+        0.005,
+        0.15,
     )
+    v_max: float = parameter(0.0, "strict cap on the speed [m/s]; 0: none", 0.0, 100.0, live=True)
     guidance: str = parameter(
         "", "towards the goal, round what is known", choices=("", "geodesic", "local")
     )
@@ -168,19 +162,13 @@ DESCRIBED = (
 )  # fmt: skip
 """Parameters that describe a robot without a contract."""
 BELONGS = {
-    "mount": ("scan",),
-    "scan_period": ("scan",),
-    "obstacle_speed": ("scan",),
-    "range_noise": ("scan",),
+    **dict.fromkeys(("mount", "scan_period", "obstacle_speed", "range_noise"), ("scan",)),
+    **dict.fromkeys(("base", "multiplier", "percent"), ("speed",)),
+    **dict.fromkeys(("center", "radius"), ("circle",)),
+    "points": ("polygon",),
     "file": GRIDS,
     "unknown": ("map",),
     "filter_info_topic": ("keepout", "speed"),
-    "base": ("speed",),
-    "multiplier": ("speed",),
-    "percent": ("speed",),
-    "points": ("polygon",),
-    "center": ("circle",),
-    "radius": ("circle",),
 }
 """Parameters of a source that are of some types alone."""
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
@@ -236,15 +224,15 @@ def _check_source(one: SourceSettings) -> None:
     """Refuse settings of a source that do not fit one another."""
     timeout = one.source_timeout
     _require(timeout == -1.0 or timeout >= 0.0, one, "source_timeout", "−1 or a number ≥ 0")
-    for parameter in OF_SOURCE:
-        types = BELONGS.get(parameter.name, TYPES)
-        fits = one.type in types or getattr(one, parameter.name) == parameter.default
-        _require(fits, one, parameter.name, f"it where {one.name}.type is {' or '.join(types)}")
+    for own in OF_SOURCE:
+        types = BELONGS.get(own.name, TYPES)
+        fits = one.type in types or getattr(one, own.name) == own.default
+        _require(fits, one, own.name, f"it where {one.name}.type is {' or '.join(types)}")
     _require(len(one.mount) == 3, one, "mount", "x, y, yaw")
     corners = len(one.points) not in (2, 4) and len(one.points) % 2 == 0
     _require(corners, one, "points", "x and y of each of three corners or more")
     _require(len(one.center) in (0, 2), one, "center", "x and y")
-    place = {"polygon": "points", "circle": "center"}.get(one.type)
+    place = PLACES.get(one.type)
     if place is not None:
         _require(bool(getattr(one, place) or one.topic), one, place, "it or a topic")
         _require(not one.center or one.radius > 0.0, one, "radius", "a number > 0")

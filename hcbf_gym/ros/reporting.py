@@ -22,7 +22,7 @@ class Reporter:
     """Publishes after each command what has changed, and the diagnostics once a second.
 
     Args:
-        core: what it is about.
+        core: the node's.
         name: of the node.
         publisher: makes a publisher of a message's type and a topic.
     """

@@ -17,6 +17,8 @@ from hcbf_gym.robots.walker_adapter import Adapter
 
 BEAMS, FARTHEST_BEAM, NEAREST_BEAM = 360, 10.0, 0.05
 """Of the scan: beams all around, and the ranges that they measure [m]."""
+NOISE = 0.01
+"""Standard deviation of a range [m]."""
 TIMEOUT = 0.5
 """After which without a command the base stops [s]."""
 
@@ -30,8 +32,7 @@ class SimulatedRobot:
         robot: a contract's path or name.
         map_file: a map server's YAML; "" for an empty floor.
         start: x, y [m] and yaw [rad].
-        noise: standard deviation of the scan's ranges [m].
-        seed: of the noise.
+        seed: of the scan's noise.
 
     Raises:
         InvalidInputError: if a file cannot be read.
@@ -45,7 +46,6 @@ class SimulatedRobot:
         robot: str = "cart",
         map_file: str | Path = "",
         start: ArrayLike = (0.0, 0.0, 0.0),
-        noise: float = 0.01,
         seed: int = 0,
     ):
         walker = Walker.load(robot)
@@ -56,7 +56,6 @@ class SimulatedRobot:
         self._every = round(walker.period / self.dt)  # ticks from one action to the next
         self._limits = walker.command.limits
         self._rng = np.random.default_rng(seed)
-        self._noise = noise
         self._command, self._until = np.zeros(len(self._limits)), -math.inf
         self._grid, self._cells = _occupied(map_file)
         x, y, yaw = np.asarray(start, dtype=np.float64).tolist()
@@ -125,7 +124,7 @@ class SimulatedRobot:
         side = self._grid.resolution
         reach = FARTHEST_BEAM / side
         far = side * _core.cast_rays(self._cells, column, row, angles - turn, reach)
-        far = far + self._noise * self._rng.standard_normal(BEAMS)
+        far = far + NOISE * self._rng.standard_normal(BEAMS)
         return np.where(far < FARTHEST_BEAM, np.maximum(far, NEAREST_BEAM), np.inf)
 
 

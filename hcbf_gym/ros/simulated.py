@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hcbf_gym.arguments import Amount, Folder, Seed
+from hcbf_gym.arguments import Folder
 from hcbf_gym.errors import require_packages
 from hcbf_gym.maps import nav2
 from hcbf_gym.records import make_folder
@@ -28,14 +28,6 @@ class Args:
     """More of them, published on topics with the names of their files."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x, y [m] and yaw [rad]."""
-    noise: Amount = 0.01
-    """Standard deviation of the scan's ranges [m]."""
-    stamped: bool | None = None
-    """Whether cmd_vel is TwistStamped [default: the distribution's]."""
-    clock: Amount = 0.0
-    """Above 0: publish /clock, so many times as fast as the wall's."""
-    seed: Seed = 0
-    """Of the noise."""
     path: Folder | None = None
     """At the end, write there (N, 4) time, x, y and yaw of every tick, a .npy."""
 
@@ -47,7 +39,7 @@ def main(args: Args) -> None:
     from hcbf_gym.ros import sim_node
     from hcbf_gym.ros.robot import SimulatedRobot
 
-    robot = SimulatedRobot(args.robot, args.map, args.start, args.noise, seed=args.seed)
+    robot = SimulatedRobot(args.robot, args.map, args.start)
     grids = {"map": args.map} if args.map else {}
     grids |= {Path(mask).stem: mask for mask in args.masks}
     for file in grids.values():
@@ -55,7 +47,7 @@ def main(args: Args) -> None:
     if args.path is not None:
         make_folder(args.path.parent)
     try:
-        sim_node.spin(robot, grids, args.stamped, args.clock)
+        sim_node.spin(robot, grids)
     finally:
         if args.path is not None:
             np.save(args.path, robot.timed_path())

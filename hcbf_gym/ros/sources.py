@@ -30,23 +30,14 @@ LONGEST_SWEEP = 0.3
 
 
 class Beams(NamedTuple):
-    """One scan, as the sensor has it.
+    """One scan, as the sensor has it."""
 
-    Attributes:
-        ranges: (k,) [m]; NaN failed, +inf saw nothing, −inf is nearer than can be measured.
-        first: angle of the first beam [rad].
-        step: between two beams [rad].
-        least: the shortest range that is measured [m].
-        most: the longest [m].
-        between: time between two beams [s].
-    """
-
-    ranges: ArrayLike
-    first: float
-    step: float
-    least: float
-    most: float
-    between: float = 0.0
+    ranges: ArrayLike  # (k,) [m]; NaN failed, +inf saw nothing, −inf is nearer than is measured
+    first: float  # angle of the first beam [rad]
+    step: float  # between two beams [rad]
+    least: float  # the shortest range that is measured [m]
+    most: float  # the longest [m]
+    between: float = 0.0  # time between two beams [s]
 
     @property
     def sweep(self) -> float:
@@ -148,11 +139,8 @@ def of_grid(
 ) -> Entries:
     """Return what an occupancy grid shows; the same object where nothing has changed.
 
-    Args:
-        source: the grid's settings.
-        raster: the grid.
-        fastest: what 100 % of a speed mask are [m/s].
-        before: what the source showed before: only changed cells are covered anew.
+    100 % of a speed mask are `fastest` [m/s]. Only cells that differ from those of before are
+    covered anew.
 
     Raises:
         InvalidInputError: if its values make no classes.
@@ -200,11 +188,9 @@ def _updated(old: RankedMap, found: Sequence[MapClass]) -> RankedMap:
 
 
 def of_polygon(source: SourceSettings, corners: ArrayLike) -> Entries:
-    """Return a convex polygon, edges moved outwards by the margin; none for no corner.
+    """Return a convex polygon of corners (k, 2) [m], edges moved outwards by the margin.
 
-    Args:
-        source: its settings.
-        corners: (k, 2) [m], in either turn.
+    The corners are in either turn; without one there is no polygon.
 
     Raises:
         InvalidInputError: if it is not strictly convex or has more than 8 corners.
@@ -232,12 +218,7 @@ def _polygon(source: SourceSettings, corners: Array) -> ConvexPolygon:
 
 
 def of_circle(source: SourceSettings, center: ArrayLike, radius: float) -> Entries:
-    """Return a disc with the margin around it; none for a radius of 0.
-
-    Args:
-        source: its settings.
-        center: (2,) [m].
-        radius: [m].
+    """Return a disc around (2,) [m] of a radius [m] and the margin; none for a radius of 0.
 
     Raises:
         InvalidInputError: if a number is negative or not finite.

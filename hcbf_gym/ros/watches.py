@@ -12,26 +12,16 @@ from hcbf_gym.models import clocks
 
 
 class Now(NamedTuple):
-    """The present.
+    """The present [s]."""
 
-    Attributes:
-        ros: on the node's clock [s].
-        steady: on a clock that is never set [s].
-    """
-
-    ros: float
-    steady: float
+    ros: float  # on the node's clock
+    steady: float  # on a clock that is never set
 
 
 class Fault(NamedTuple):
-    """Why a robot is at zero.
+    """Why a robot is at zero."""
 
-    Attributes:
-        source: what is at fault: "command", "odometry", "clock", a source's name, …
-        message: how.
-    """
-
-    source: str
+    source: str  # "command", "odometry", "clock", a source's name, …
     message: str
 
     def __str__(self) -> str:
@@ -68,11 +58,7 @@ class Watch:
     def hear(self, stamp: float, now: Now, frame: str = "", expected: str = "") -> bool:
         """Accept a message; return False where its stamp or frame is wrong, or it is not newer.
 
-        Args:
-            stamp: of the message [s].
-            now: the present.
-            frame: of the message.
-            expected: the frame that it must have; "" for any.
+        The `expected` frame is "" for any.
         """
         age = now.ros - stamp
         if expected and frame != expected:
@@ -105,11 +91,7 @@ class Watch:
 
 
 class ClockWatch:
-    """Watches over the node's clock.
-
-    Args:
-        timeout: how long it may stand still [s].
-    """
+    """Watches over the node's clock, which may stand still for `timeout` [s]."""
 
     def __init__(self, timeout: float):
         self._timeout = timeout

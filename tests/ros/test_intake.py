@@ -23,7 +23,7 @@ class Core:
             sources=[zone], guidance="geodesic", goal_topic="goal", global_frame_id="odom"
         )
         self.sources = {"zone": SimpleNamespace(settings=None, is_scan=False)}
-        self.is_localized, self.unreachable = True, ()
+        self.localization, self.unreachable = SimpleNamespace(newest=0), ()
         self.go_on, self.begun = threading.Event(), threading.Semaphore(0)
         self.plans, self.waits, self.heard, self.leads = [], [], 0, []
         self.go_on.set()
@@ -113,10 +113,10 @@ def test_what_comes_while_a_field_is_computed_has_it_computed_again(hearing):
 @needs("rclpy")
 def test_a_goal_that_is_repeated_is_computed_once_and_one_before_the_first_pose_waits(hearing):
     core, ask, _ = hearing
-    core.is_localized = False
+    core.localization.newest = None
     ask(GOAL)
     soon(lambda: core.waits == [GOAL])
-    core.is_localized = True
+    core.localization.newest = 0
     ask(OTHER)
     soon(lambda: core.leads == [OTHER])
     ask(OTHER)

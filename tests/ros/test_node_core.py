@@ -298,7 +298,6 @@ def test_a_plan_keeps_the_cap_that_was_set_meanwhile():
 def test_a_goal_that_comes_before_the_first_pose_waits_for_it():
     zone = {**ZONE, "zone.points": [1.5, -2.0, 2.0, -2.0, 2.0, 0.1, 1.5, 0.1]}
     d = Drive({"guidance": "geodesic", **zone}, wanted=(0.0, 0.0, 0.0))
-    assert not d.core.is_localized
     d.core.wait((4.0, 0.0))
     assert d.core.goal_to_plan() is None
     d.run(1.5)  # which plans what is asked for, as the node does
