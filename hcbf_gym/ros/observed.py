@@ -109,8 +109,8 @@ class Source:
         """Require another scan; maps and zones remain: the clock has gone back."""
         if self.is_scan:
             self.watch.forget()
-        elif self.watch.is_known:
-            self.watch.set_known()
+        else:
+            self.watch.forget_stamp()
 
     def stops(self, place: Array, reach: float) -> bool:
         """Return whether it stops a robot of a radius [m] whose centre is at (2,) [m]."""

@@ -50,10 +50,12 @@ class Watch:
         """Accept without a message: a file, or a zone of the parameters."""
         self.stamp, self._wrong = -sys.float_info.max, ""
 
-    @property
-    def is_known(self) -> bool:
-        """Whether anything has been accepted."""
-        return self.stamp > -math.inf
+    def forget_stamp(self) -> None:
+        """Begin anew where the clock has gone back; without a time-out the message remains."""
+        if self.timeout > 0.0 and math.isfinite(self._received):
+            self.forget()
+        elif self.stamp > -math.inf:
+            self.set_known()
 
     def hear(self, stamp: float, now: Now, frame: str = "", expected: str = "") -> bool:
         """Accept a message; return False where its stamp or frame is wrong, or it is not newer.
@@ -81,7 +83,7 @@ class Watch:
         """Return what is wrong now, if anything."""
         if self._wrong:
             return Fault(self._name, self._wrong)
-        if not self.is_known:
+        if self.stamp == -math.inf:
             return Fault(self._name, "nothing received")
         age = max(now.ros - self.stamp, now.steady - self._received)
         never = self.timeout == 0.0 or not math.isfinite(age)  # infinite: known without a message

@@ -39,10 +39,10 @@ def show(d, name, corners):
 @pytest.mark.parametrize("seed", [1000, 1001, 1002])
 def test_faults_bring_zero_in_time_with_their_reason_and_then_it_goes_on(name, seed):
     trial = faults.try_case(name, seed)
-    assert trial.in_time, trial.says
+    assert trial.in_time, trial.messages
     assert trial.stands, trial.away
-    assert trial.named, trial.says
-    assert trial.again, trial.says
+    assert trial.named, trial.messages
+    assert trial.again, trial.messages
 
 
 def test_a_velocity_of_before_it_was_activated_moves_nothing():
