@@ -3,7 +3,6 @@
 The same cases go through rclpy in `live_faults`.
 """
 
-import math
 import warnings
 from collections import deque
 from collections.abc import Callable
