@@ -1,4 +1,4 @@
-"""A node's core with clocks of its own, and a simulated cart that follows its commands."""
+"""A node's core with simulated clocks, and a simulated cart that follows its commands."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Fault by fault through real rclpy: the node in a process of its own, on a clock of the robot's.
+"""Fault by fault through real rclpy: the node in another process, on the robot's clock.
 
     python -m benchmarks.ros.live_faults [trials]
 
@@ -38,7 +38,7 @@ LATE = 0.1
 
 
 def try_case(base: Base, name: str, rng: np.random.Generator) -> str:
-    """Let one fault happen; return "" if all is well, else what is not."""
+    """Let one fault happen; return "" if all is well, else what is wrong."""
     case, planner = CASES[name], base.planner
     planner.spin(0.3 + rng.uniform(0.0, 0.1))
     if not planner.spin(3.0, planner.moving):

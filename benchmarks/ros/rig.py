@@ -169,7 +169,7 @@ class Base:
     Attributes:
         velocity: (v, ω) of the last command.
         pose: x, y [m] and yaw [rad].
-        without: what is not published: "odometry", "scan", "map" or "command".
+        without: the missing messages: "odometry", "scan", "map" or "command".
         tamper: called in every tick, to publish something else.
         rate: speed of its clock.
         longest: time between two ticks [s].
