@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from benchmarks.ros.drive import HARDEST, TICK, Drive
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.ros.sources import grid_of
+from hcbf_robots.maps.nav2 import Raster
+from hcbf_robots.ros.sources import grid_of
 
 STEP = 0.05
 """A period of the node [s]."""

@@ -27,8 +27,8 @@ from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.ros import messages
-from hcbf_gym.ros.running import LATCHED, SENSOR
+from hcbf_robots.ros import messages
+from hcbf_robots.ros.running import LATCHED, SENSOR
 
 ALONE = {
     "ROS_LOCALHOST_ONLY": "1",
