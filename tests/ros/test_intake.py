@@ -5,6 +5,7 @@ import threading
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from needs import needs
 
@@ -151,5 +152,5 @@ def test_what_the_rigs_robot_says_it_sees_is_a_sound_scan():
     from benchmarks.ros import rig
 
     for far in (3.0, math.inf):
-        beams = messages.beams_of(rig.scan_of(far))
+        beams = messages.beams_of(rig.scan_of(np.full(60, far)))
         assert beams.ranges.tolist() == [far] * 60
