@@ -1,4 +1,4 @@
-"""Goals on their way to guidance: whatever comes meanwhile, the one asked for last leads."""
+"""Goals until guidance leads to them: whatever comes meanwhile, the last one leads."""
 
 import math
 import threading
@@ -49,8 +49,8 @@ class Core:
         self.heard += 1
         return True
 
-    def refuse_source(self, name, says):
-        raise AssertionError((name, says))
+    def refuse_source(self, *error):
+        raise AssertionError(error)
 
 
 @pytest.fixture
@@ -68,12 +68,12 @@ def hearing(monkeypatch):
         None,
         SimpleNamespace(warning=lambda *_, **__: None),
     )
-    yield core, lambda goal: heard["goal"](asked(goal)), lambda: heard["zone"](circle())
+    yield core, lambda goal: heard["goal"](goal_message(goal)), lambda: heard["zone"](circle())
     core.go_on.set()
     intake.close()
 
 
-def asked(goal):
+def goal_message(goal):
     from geometry_msgs.msg import PoseStamped
 
     message = PoseStamped()
@@ -143,12 +143,12 @@ def test_a_goal_that_cannot_be_reached_ends_guidance_and_forgets_no_newer_one(he
     hear()
     soon(lambda: core.heard == 2)
     time.sleep(0.05)
-    assert core.plans[-1][0] == GOAL  # nobody asks for it again
+    assert core.plans[-1][0] == GOAL  # it is not repeated
     assert core.leads[-1] is None
 
 
 @needs("rclpy")
-def test_what_the_rigs_robot_says_it_sees_is_a_sound_scan():
+def test_the_rigs_robot_publishes_a_valid_scan():
     from benchmarks.ros import rig
 
     for far in (3.0, math.inf):

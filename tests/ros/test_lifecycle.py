@@ -18,7 +18,7 @@ REFUSED = {
 
 @pytest.fixture
 def ros(monkeypatch):
-    """A context of ROS for one test, on a domain of its own."""
+    """A context of ROS for one test, on another domain."""
     import rclpy
 
     monkeypatch.setenv("ROS_DOMAIN_ID", "102")

@@ -80,7 +80,7 @@ def test_after_zero_for_long_enough_it_is_silent_and_publishes_again(silent):
     assert d.last.command[0] > 0.1
 
 
-def test_a_source_may_have_a_time_out_of_its_own_or_none():
+def test_a_source_may_have_another_time_out_or_none():
     d = Drive({**SCAN, "scan.source_timeout": 0.3}).run(1.0).run(0.25, scan=False)
     assert d.velocity[0] > 0.1
     d.run(0.15, scan=False)
