@@ -101,7 +101,7 @@ class Input:
 
 @dataclass
 class World:
-    """The truth, and what is said of it.
+    """The truth, and the samples of it.
 
     Args:
         model: by which the point moves.
