@@ -17,8 +17,7 @@ from hcbf_gym.errors import (
     warn_caller,
 )
 from hcbf_gym.filtering.samples import Samples
-from hcbf_gym.guidance import row as guidance_row
-from hcbf_gym.guidance.extent import CELL
+from hcbf_gym.guidance.field import CELL
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 
@@ -127,9 +126,9 @@ class Guide:
             plants["lost"] = self._lost
             guide.update(samples.time)
             x, place = self._led(guide, samples), guide.geometry
-            guidance_row.rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
+            _core.guidance_rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
             ranks = plants["reachable"], plants["zone"]
-            guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
+            _core.guidance_ranks(guide.through, guide.zone, place, x, *ranks)
             if self._ahead > 0.0:
                 _core.face(samples.words, u_nominal, guide.pull.gain, self._ahead)
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from hcbf_gym import guidance
+from hcbf_gym import _core, guidance
 from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance.ground import distances
 from hcbf_gym.guidance.map_ground import MapGround
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 
@@ -52,7 +51,7 @@ def test_distances_are_those_of_the_cells_centres_from_the_occupied_squares():
     for _ in range(20):
         shape = tuple(rng.integers(1, 25, 2))
         cells = rng.random(shape) < rng.choice([0.01, 0.1])
-        found = distances(cells, 30)
+        found = _core.cell_distances(cells, 30)
         occupied = np.argwhere(cells)
         for j, i in np.ndindex(*shape):
             apart = np.maximum(np.abs(occupied - (j, i)) - 0.5, 0.0) * (occupied != (j, i))
@@ -69,7 +68,7 @@ def test_a_door_as_wide_as_the_body_is_passed_however_the_map_is_turned(turn):
     assert way.reachable(at(*point)) == 0
     passed = []
     while np.linalg.norm(point - goal) > 1e-9:
-        point = np.array(guidance.row.descent(view, place, goal, *point, SIDE))
+        point = np.array(_core.field_descent(view, place, goal, *point, SIDE))
         passed.append(point)
         assert len(passed) < 300
     cells = ranked_map.grid.to_cells(passed)
@@ -98,7 +97,7 @@ def test_no_zone_lies_on_the_way_where_one_without_it_exists_however_long():
     ranked_map = map_of(walled(door=12), zone)
     way = way_on(ranked_map, (1.0, 1.0), (3.2, 1.0))
     assert way.reachable(at(1.0, 1.0)) == 0
-    a, _ = way.row(at(1.0, 1.0)[0], 0.0)
+    (a,), _ = way.rows(at(1.0, 1.0), np.array([0.0]))
     assert a[1] > 0.7
     crossing = way_on(map_of(walled(door=12), zone, rank=4), (1.0, 1.0), (3.2, 1.0), through=4)
     assert crossing.reachable(at(1.0, 1.0)) == 4  # a metre of rank 4 costs 10, the way round more
@@ -108,9 +107,9 @@ def test_out_of_a_zone_the_way_does_not_lead_to_the_nearest_edge_behind_a_wall()
     zone = blank()
     zone[:, 42:60] = True
     way = way_on(map_of(walled(door=12), zone), (4.9, 1.0), (7.5, 1.0))
-    assert guidance.row.rank_at(way.zone[0], way.geometry[0], 4.9, 1.0) == 2
-    assert guidance.row.rank_at(way.zone[0], way.geometry[0], 7.5, 1.0) == 0
-    a, b = way.row(at(4.9, 1.0)[0], 0.0)
+    assert _core.guidance_rank_at(way.zone[0], way.geometry[0], 4.9, 1.0) == 2
+    assert _core.guidance_rank_at(way.zone[0], way.geometry[0], 7.5, 1.0) == 0
+    (a,), (b,) = way.rows(at(4.9, 1.0), np.array([0.0]))
     assert a[0] > 0.9
     assert b > 0.0
 
@@ -141,7 +140,7 @@ def test_the_field_of_a_changed_map_is_that_of_a_new_one():
         way.follow(BarrierSet([[map_of(walls, zone)]]), np.zeros(1))
         new = MapGround(map_of(walls, zone).conditions, BODY, 0)
         field, through = np.empty_like(way.field[0]), np.empty_like(way.through[0])
-        fields.solve(new.ground, new.geometry, way.goal[0], 0, field, through)
+        _core.solve_field(*new.ground, new.geometry, way.goal[0], 0, field, through)
         np.testing.assert_array_equal(way.field[0], field)
         np.testing.assert_array_equal(way.through[0], through)
 
@@ -171,9 +170,9 @@ def test_the_ground_of_a_changed_map_is_that_of_a_new_one():
 def test_a_disc_that_moves_beside_a_map_is_walked_around():
     disc = Disc("mover", 1, (2.0, 1.2), 0.3, (0.0, 0.8))
     way = way_on(map_of(walled(door=12)), (1.0, 2.0), (3.2, 2.0), barriers=(disc,))
-    first, _ = way.row(at(1.0, 2.0)[0], 0.0)
-    later, _ = way.row(at(1.0, 2.0)[0], 1.5)
-    assert first[1] > 0.0 > later[1]  # over it while it is below, under it when it has passed
+    first, _ = way.rows(at(1.0, 2.0), np.array([0.0]))
+    later, _ = way.rows(at(1.0, 2.0), np.array([1.5]))
+    assert first[0, 1] > 0.0 > later[0, 1]  # over it while it is below, under it when it has passed
 
 
 def test_where_the_outside_is_unknown_the_way_keeps_from_the_edge_of_the_grid():

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from hcbf_gym import guidance
+from hcbf_gym import _core, guidance
 from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane
-from hcbf_gym.guidance import row as guidance_row
 
 POCKET = [
     HalfPlane("left", 1, (0.0, -1.0), -2.37),
@@ -22,7 +21,7 @@ def field():
 
 
 def led(way, x, out):
-    guidance_row.rows(way.field, way.geometry, way.goal, x[None], way.pull, out)
+    _core.guidance_rows(way.field, way.geometry, way.goal, x[None], way.pull, out)
     return out[0, :2].copy()
 
 
