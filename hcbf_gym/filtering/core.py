@@ -398,7 +398,7 @@ class FilterCore(Configured, ABC):
             if seen is None:
                 seen = self._first[i, scan] = first.get((i, scan), now)
             if not clocks.is_accepted(now - seen, SEEN_FOR):
-                wrong = f"the scan {scan.name!r}: {clocks.says(now - seen, SEEN_FOR)}"
+                wrong = f"the scan {scan.name!r}: {clocks.refusal(now - seen, SEEN_FOR)}"
             self._scene.own_margin[i, k] = scan.margin_at(now + hold - seen)
         return wrong
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import TINY
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.online.robot import Robot
 from hcbf_gym.robots.walker_adapter import Adapter
@@ -123,7 +122,7 @@ class Follower:
             told[0] = min(max(told[0], -self.fastest), self.fastest)
             axes = self._axes(heading)
             change = (told - now @ axes) / self._period
-            most = np.array([self._axle.braking, drives.across(self._axle)])
+            most = np.array([self._axle.braking, self._axle.across])
             return axes @ np.clip(change, -most, most)
         velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
         velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))

@@ -376,13 +376,13 @@ class NodeCore:
         told, report = self._filter.step(wanted, last.local, last.twist, stamp, now.ros, last.frame)
         status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
         if reason.lasts:
-            fault = Fault("robot", reason.says)
+            fault = Fault("robot", reason.text)
             self._alarm = now.steady + self.settings.alarm_pause, fault
             self._begin_anew()
             return self._stopped([fault], now)
         if status == FilterStatus.BACKUP:
             why = f": {self._filter.lost}" if reason == Reason.GOAL else ""
-            says = f"filter: {reason.says}{why}"
+            says = f"filter: {reason.text}{why}"
             return Decision(told, wanted, Level.ERROR, says, Action.STOP, "filter", report)
         if status <= FilterStatus.SAFE:
             level = Level.OK

@@ -81,7 +81,7 @@ class Watch:
             return self.refuse(f"stamp {stamp}")
         age = now.ros - stamp
         if not clocks.is_accepted(age, math.inf, self._tolerance):
-            return self.refuse(clocks.says(age, math.inf, self._tolerance))
+            return self.refuse(clocks.refusal(age, math.inf, self._tolerance))
         if stamp <= self.stamp:
             return False
         self.stamp, self._received, self._wrong = stamp, now.steady, ""
@@ -100,7 +100,7 @@ class Watch:
         if not says and self.timeout > 0.0:
             age = max(now.ros - self.stamp, now.steady - self._received)
             if not clocks.is_accepted(age, self.timeout, math.inf):
-                says = clocks.says(age, self.timeout)
+                says = clocks.refusal(age, self.timeout)
         return Fault(self._name, says) if says else None
 
 

@@ -107,7 +107,7 @@ def test_hostile_commands_with_jitter_and_lost_messages_do_not_enter(name, rate)
     assert min(least_h(name, rate, seed) for seed in range(2)) > 0.0
 
 
-@pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands
+@pytest.mark.filterwarnings("ignore:.*does not do what it is commanded")  # it stands
 @pytest.mark.parametrize("name", CARTS)
 def test_a_harmless_command_passes_and_its_acceleration_is_bounded(name):
     door = VelocityFilter(name, [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
@@ -120,7 +120,7 @@ def test_a_harmless_command_passes_and_its_acceleration_is_bounded(name):
     assert told[-1] == pytest.approx(0.5, rel=0.05)
 
 
-@pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands
+@pytest.mark.filterwarnings("ignore:.*does not do what it is commanded")  # it stands
 def test_the_command_is_zero_within_one_period_when_data_end():
     door = VelocityFilter("cart", [HalfPlane("wall", 1, (-1.0, 0.0), -9.0)], period=0.05)
     for k in range(10):
@@ -146,7 +146,7 @@ BAD = {
 }
 
 
-@pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands
+@pytest.mark.filterwarnings("ignore:.*does not do what it is commanded")  # it stands
 @pytest.mark.parametrize("bad", BAD)
 def test_bad_data_brake_at_once_and_good_ones_go_on(bad):
     door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
@@ -163,7 +163,7 @@ def test_bad_data_brake_at_once_and_good_ones_go_on(bad):
     assert command[0] > 0.0
 
 
-@pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands
+@pytest.mark.filterwarnings("ignore:.*does not do what it is commanded")  # it stands
 def test_old_data_brake():
     door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], max_age=0.1)
     assert door.step((0.6, 0.0), *AT_REST, 0.0, now=0.05)[0][0] > 0.0
@@ -212,7 +212,7 @@ def test_the_filter_and_the_node_accept_the_same_stamps():
             assert any(fault.says in str(one.message) for one in raised)
 
 
-@pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands
+@pytest.mark.filterwarnings("ignore:.*does not do what it is commanded")  # it stands
 def test_a_clock_that_goes_back_leaves_no_command():
     door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.05)
     for k in range(10):
@@ -261,7 +261,7 @@ def test_bad_commands_and_arguments_are_refused():
         VelocityFilter("cart", wall, gamma=1.0)
 
 
-@pytest.mark.filterwarnings("ignore:.*does not do what it is told")  # it stands
+@pytest.mark.filterwarnings("ignore:.*does not do what it is commanded")  # it stands
 def test_a_lost_message_forgets_nothing_that_is_under_way():
     door = VelocityFilter("cart", [Disc("far", 1, center=(50.0, 0.0), radius=1.0)], period=0.01)
     for k in range(10):
