@@ -20,11 +20,10 @@ SMOOTH = (
     "expected a smooth formula, such as jnp.sqrt(s + 1e-6) in the place of jnp.sqrt(s), and a "
     "minimum of functions as a condition of the same rank for each"
 )
-"""The remedy."""
 
 
 class Kinks:
-    """Names the states beside a kink, and warns once of each barrier that has one.
+    """The states beside a kink, and a warning once of each barrier that has one.
 
     Attributes:
         u: (n_u,) or (N, n_u) u* of the plants; None where it is not known.

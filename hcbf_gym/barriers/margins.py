@@ -7,12 +7,12 @@ For a barrier on the position with the unit normal n = ∇h/‖∇h‖,
 
 where e = (e_p, e_v) is the body's state minus the reduced-order model's (the tracking error), p the
 position that the row reads, b the body's, σ the standard deviation of the estimated position, and ρ
-what the body reaches beyond its centre. The first three parts stand for the reduced-order model,
-which says that the body moves at the model's velocity: a body that moves faster towards the region
-will get there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The
-fourth is for rows that read the model's own position: a body that is nearer has no less than that
-of h. As ‖∇h‖ ≤ 1, no part is more than h can lose; none is multiplied by ‖∇h‖, which
-rises along the side of an ellipse with no news. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ(P_vv)
+what the body reaches beyond its centre. The first three parts are for the reduced-order model, in
+which the body moves at the model's velocity: a body that moves faster towards the region will get
+there by k_v e_v more, and one whose model has run ahead of it will be drawn after it. The fourth is
+for rows that read the model's own position: a body that is nearer has no less than that of h. As
+‖∇h‖ ≤ 1, no part is more than h can lose; none is multiplied by ‖∇h‖, which rises along the side of
+an ellipse. A speed limit reserves d_s + k_s ‖e_v‖ + κ √λ(P_vv)
 [m/s], with λ the largest eigenvalue: a body that does not follow may overshoot, too, and one that
 follows needs little.
 
@@ -39,7 +39,3 @@ of x. Where g is not the same everywhere (a heading that is not known), a hold a
 to m, W_j the covariance of g_j(x) u_j for the largest u_j. An h that is not convex adds what it may
 lose in second order.
 """
-
-MARGIN, RATE, QUICKENING, LEANING = range(4)
-"""What `derive` writes into the first axis of its output: m, ṁ, m̈, and what of m may be used: the
-tracking error's part, less what `cap` cuts off of it, and the errors of what was measured."""

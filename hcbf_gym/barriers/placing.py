@@ -1,6 +1,6 @@
 """Since when shapes count: from the time at which their object was first returned or set.
 
-A new object describes the world now, and the same object moves on with its velocity. A shape that
+A new object describes the world now, and the same object moves with its velocity. A shape that
 counts from t₀ is written as of time 0 of the plant's clock, p₀ − w t₀, so that all that reads its
 block needs the plant's time alone. A `Function` and a class with a `jet` read that time themselves.
 """
@@ -55,7 +55,7 @@ class Placing:
         Args:
             given: as it was returned or set.
             now: (N,) the plants' times [s].
-            since: from when all of them count [s]; None for the law of this module.
+            since: from when all of them count [s]; None as this module has it.
         """
         if given.is_placed:
             since = 0.0
@@ -142,5 +142,5 @@ class Placing:
 
 
 def _elsewhere(one: PlanarBarrier, step: Array) -> Barrier:
-    """Return a shape elsewhere; a user's own kind of shape is looked at as it is."""
+    """Return a shape elsewhere; a user's own kind of shape is not asked to move itself."""
     return one.moved(step) if type(one) in SHAPES else PlanarBarrier.moved(one, step)

@@ -1,4 +1,4 @@
-"""What rows of any h reserve for what is not known of N plants of any model."""
+"""What rows of any h reserve for the uncertainty of N plants of any model."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,7 +19,7 @@ Entry = tuple[int, int, Barrier]
 
 
 class Known(NamedTuple):
-    """What is known of N plants.
+    """The states of N plants, with what is uncertain of them.
 
     Attributes:
         x: (N, n) as the rows read it.
@@ -77,7 +77,7 @@ class Reserve:
             entries: those that are no built-in shapes; none where nothing of them is reserved.
             known: of the plants.
             growth: (N,) by how much the drift's covariance grows until the next sample.
-            out: (N, m, WIDTH + n_u) rows, see `general_kernels.MARGIN`; from it to `FAST` written.
+            out: (N, m, WIDTH + n_u) rows, of which `rows.MARGIN` to `FAST` are written.
         """
         of_inputs, settings = largest(self._input_set), np.array(self.settings)
         of = _core.Reserve(compiled(self._model), settings, of_inputs, self._period, len(least))

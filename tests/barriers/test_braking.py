@@ -6,8 +6,8 @@ import pytest
 
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, SpeedLimit, braking
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet

@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 import readable
-from needs import remedy
 
 from hcbf_gym import _core, barriers
 from hcbf_gym.barriers import Barrier, Oval, Shapes, Wall, layout, shapes
@@ -146,19 +145,6 @@ def test_it_travels_through_json_and_stands_in_arrays(shape):
     np.testing.assert_allclose(many.parameters, [block] * 3)
     with pytest.raises(InvalidInputError, match="expected"):
         Shapes("many", 1, shape.kind, np.where(np.isfinite(values), np.nan, values))
-
-
-@pytest.mark.parametrize("shape", ALL, ids=named)
-def test_jax_differentiates_the_same_h(shape):
-    jax = pytest.importorskip("jax", reason=remedy("jax"))
-    traced = shape.traced(jax)
-    with jax.enable_x64(True):
-        one = jax.value_and_grad(lambda q: traced(q[0], q[1]))
-        for q in (*points(10), shape.anchor):
-            h, gradient, _ = shape.planar_jet(q)
-            value, slope = one(q)
-            assert float(value) == pytest.approx(h, abs=1e-12)
-            np.testing.assert_allclose(slope, gradient, atol=1e-12)
 
 
 @pytest.mark.parametrize("size", [0.0, 1.1, 1e200, 1e308])
