@@ -19,16 +19,7 @@ from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Conditions, Group, Prepared, prepared
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.barriers.rows import (
-    ALPHA2_PSI,
-    CONDITIONING,
-    MARGIN,
-    RATE,
-    WIDTH,
-    B,
-    CbfRows,
-    H,
-)
+from hcbf_gym.barriers.rows import ALPHA2_PSI, CONDITIONING, MARGIN, RATE, WIDTH, B, CbfRows, H
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import (
