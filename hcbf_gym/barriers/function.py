@@ -112,8 +112,9 @@ class Function(Barrier):
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives."""
-        found: Any = self._compiled(x, float(t), self.packed)
-        return Jet(*(np.array(part) if np.ndim(part) else float(part) for part in found))
+        found = self._compiled(x, float(t), self.packed)
+        parts: Any = [np.array(part) if np.ndim(part) else float(part) for part in found]
+        return Jet(*parts)
 
 
 def _finite(name: str, value: ArrayLike) -> Array:

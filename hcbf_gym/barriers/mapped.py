@@ -37,8 +37,11 @@ class Mapped(Barrier):
     pieces: Pieces = field(kw_only=True)
     margin: float = 0.0
     code: ClassVar[int] = layout.MAPPED
-    __eq__ = object.__eq__
     __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether they are the same object."""
+        return self is other
 
     def __post_init__(self) -> None:
         super().__post_init__()

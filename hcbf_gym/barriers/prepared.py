@@ -146,14 +146,19 @@ def prepared(
 
 def _repeated(one: Prepared, count: int, functions: FunctionCache) -> Prepared:
     """Return what is known of N scenes that are the same."""
+
+    def repeated(part: Any) -> Any:
+        return np.repeat(part, count, axis=0)
+
     scenes = one.scenes * count
-    arrays = {name: getattr(one, name) for name in ("priority", "least", "share")}
     return one._replace(
         scenes=scenes,
         groups=_groups(scenes, functions) if one.groups else [],
         custom=[(i, k, barrier) for i in range(count) for _, k, barrier in one.custom],
-        scene=Scene(*(np.repeat(part, count, axis=0) for part in one.scene)),
-        **{name: np.repeat(part, count, axis=0) for name, part in arrays.items()},
+        scene=Scene(*map(repeated, one.scene)),
+        priority=repeated(one.priority),
+        least=repeated(one.least),
+        share=repeated(one.share),
     )
 
 
