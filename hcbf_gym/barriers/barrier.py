@@ -54,16 +54,10 @@ class Core(NamedTuple):
 
 
 def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
-    """Return the jet of a user's own barrier.
-
-    Args:
-        barrier: which returned it.
-        jet: what it returned.
-        n: the number of states.
-        finite: whether every number must be finite.
+    """Return the jet of n states that a user's own barrier returned.
 
     Raises:
-        InvalidInputError: if it is no jet of a function of n states, or not finite.
+        InvalidInputError: if it is none, or `finite` and not of finite numbers.
     """
     if isinstance(jet, Jet) and is_plain(jet, n):
         return jet

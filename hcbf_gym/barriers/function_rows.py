@@ -63,12 +63,7 @@ class RowsKernel:
 
 
 class FunctionRows:
-    """The rows of m functions with their parameters, in each of N scenes.
-
-    Args:
-        kernel: made for functions of the same signatures.
-        scenes: N sequences of m ≥ 1 conditions.
-    """
+    """The rows of m functions in each of N scenes, of a kernel for their signatures."""
 
     def __init__(self, kernel: RowsKernel, scenes: Sequence[Sequence[Function]]) -> None:
         self._kernel = kernel
@@ -86,9 +81,9 @@ class FunctionRows:
             margin_rate: (N, m) d margin/dt.
 
         Returns:
-            (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning goes from 0
-            to 1: 0 where a row does not depend on the input or is not finite, less than 1 where
-            L_g ψ is small or turns at a kink of h.
+            (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning is 0 where
+            a row does not depend on the input or is not finite, and less than 1 where L_g ψ is
+            small or turns at a kink of h.
 
         Raises:
             InvalidInputError: if h is not finite, or an input appears below the relative degree.

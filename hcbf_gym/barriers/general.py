@@ -240,12 +240,7 @@ class GeneralRows:
     ) -> Array:
         """Return rows of a group of functions; those beside x where they are not finite there.
 
-        Args:
-            scenes: all barriers.
-            group: the functions.
-            made: their rows, see `FunctionRows`.
-            at: x (N, n) and t (N,) of all scenes [s], and what rows of the group reserve.
-            kinks: as `_write` takes it.
+        `at` has x (N, n) and t (N,) of all scenes [s], and what the rows reserve.
         """
         (x, t, reserved), (known, first), made = at, kinks, made.copy()
         for j, k in np.argwhere(~np.isfinite(made).all(axis=2)):

@@ -31,15 +31,10 @@ REMEDY = (
 
 
 class Links(NamedTuple):
-    """Which states and inputs drive which states of a model.
+    """Which states and inputs drive which states of a model."""
 
-    Attributes:
-        states: (n, n) whether ẋ_i depends on x_k.
-        inputs: (n, n_u) whether input j drives x_i.
-    """
-
-    states: Mask
-    inputs: Mask
+    states: Mask  # (n, n) whether ẋ_i depends on x_k
+    inputs: Mask  # (n, n_u) whether input j drives x_i
 
     def degrees(self, reads: Mask) -> NDArray[np.int64]:
         """Return (n_u,) by which derivative inputs enter a function of states `reads`; 0: never."""
@@ -68,11 +63,7 @@ def links_of(model: ReducedOrderModel) -> Links:
 
 
 class LateInputs:
-    """Finds barriers whose row misses an input that moves h by a later derivative.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-    """
+    """Finds barriers whose row misses an input that moves h by a later derivative."""
 
     def __init__(self, model: ReducedOrderModel) -> None:
         self._model = model
@@ -80,12 +71,7 @@ class LateInputs:
         self._late: dict[bytes, bool] = {}
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
-        """Return a sentence for each such barrier.
-
-        Args:
-            barriers: m conditions.
-            reaches: (m,) how inputs reach each of them.
-        """
+        """Return a sentence for each such barrier, of m conditions with their reaches."""
         found = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()

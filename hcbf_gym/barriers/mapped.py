@@ -1,7 +1,7 @@
 """Classes of a map as barriers, and the atlas of their pieces.
 
 A class is one condition, h its least over all pieces. A filter gives each piece within the braking
-horizon a row of its own. `docs/rows.md` proves that beyond it nothing can go wrong: whatever input
+horizon its own row. `docs/rows.md` proves that beyond it nothing can go wrong: whatever input
 of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
@@ -203,12 +203,9 @@ class Atlas:
         return bool(self.held)
 
     def hold(self, place: tuple[int, int], barrier: Mapped, parameters: Array) -> None:
-        """Put a class of a map at (scene, place).
+        """Put a class of a map at (scene, place), and write its block of parameters (N, m, WIDTH).
 
-        Args:
-            place: in the set.
-            barrier: the class.
-            parameters: (N, m, WIDTH) of the set, written to; of every class where others move.
+        Where the pieces of others move, theirs are written, too.
         """
         if self._before is not None:
             before, self._before = self._before, None

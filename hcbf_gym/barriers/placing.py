@@ -22,10 +22,7 @@ _NEW = -1
 
 
 class Placing:
-    """Since when the shapes of N plants count, on the clock of each plant.
-
-    Args:
-        count: N.
+    """Since when the shapes of `count` plants count, on the clock of each plant.
 
     Attributes:
         is_due: whether a plant has begun, or its clock went back, since scenes were placed last.
@@ -105,7 +102,7 @@ class Placing:
         return found
 
     def _moved(self, given: BarrierSet) -> BarrierSet:
-        """Return a set like the given one, whose shapes are written as of time 0."""
+        """Return the set with its shapes as of time 0."""
         steps = -self._since[..., None] * given.parameters[..., _VELOCITY]
         moved = given.is_region & (steps != 0.0).any(axis=2)
         own = self._own(given)

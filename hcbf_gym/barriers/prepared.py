@@ -23,30 +23,18 @@ Conditions = tuple[Barrier, ...]
 
 
 class Scene(NamedTuple):
-    """The barriers of N scenes, as compiled code reads them.
+    """The barriers of N scenes, as compiled code reads them."""
 
-    Attributes:
-        kind: (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`.
-        parameters: (N, m, WIDTH) the blocks of built-in ones.
-        degree: (N, m) the derivative of h that an input enters first, 1 or 2.
-    """
-
-    kind: Integers
-    parameters: Array
-    degree: Integers
+    kind: Integers  # (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`
+    parameters: Array  # (N, m, WIDTH) the blocks of built-in ones
+    degree: Integers  # (N, m) the derivative of h that an input enters first, 1 or 2
 
 
 class Group(NamedTuple):
-    """Functions of the same signatures, at the same places of some scenes.
+    """Functions of the same signatures, at the same places of some scenes."""
 
-    Attributes:
-        scenes: (K,) which of N scenes.
-        places: (k,) of m.
-        rows: what makes their rows.
-    """
-
-    scenes: Integers
-    places: Integers
+    scenes: Integers  # (K,) which of N
+    places: Integers  # (k,) of m
     rows: FunctionRows | SeparateRows
 
 
@@ -102,11 +90,6 @@ def prepared(
     scenes: Sequence[Conditions], functions: FunctionCache, reach: Callable[[Barrier], Reach]
 ) -> Prepared:
     """Return what is known of the barriers of N scenes.
-
-    Args:
-        scenes: N tuples of them.
-        functions: what makes the rows of functions.
-        reach: how inputs reach a barrier.
 
     Raises:
         InvalidInputError: if no input reaches one.

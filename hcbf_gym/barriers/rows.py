@@ -50,8 +50,8 @@ class RowSettings:
             None makes the usual rows, which look at the sample alone.
         u_max: the largest norm of an input [m/s²]; a held row needs it, and a row that is late
             requests no more.
-        limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where `u_max` says
-            all.
+        limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where only
+            `u_max` limits them.
 
     Raises:
         InvalidInputError: if a number is not positive and finite, if `u_max` is missing, or if T

@@ -238,7 +238,7 @@ class BarrierSet:
         return h, sensed
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
-        """Yield each user's own barrier with its place and the scenes that share the object."""
+        """Yield each user's own barrier with its place, and the scenes that share the object."""
         groups: dict[tuple[int, int], tuple[list[int], int, Barrier]] = {}
         for (i, k), barrier in self.own.items():
             groups.setdefault((id(barrier), k), ([], k, barrier))[0].append(i)

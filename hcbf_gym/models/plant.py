@@ -66,7 +66,7 @@ class Reason(IntEnum):
     )
     MOTION = (
         8,
-        "the position does not move as the velocity says: expected both of one robot, at one time, "
+        "the position does not move by the velocity: expected both of one robot, at one time, "
         "in one frame and unit, and a period that is the time of a step",
     )
     SLIP = 9, "the robot's feet slide more than on the declared floor"

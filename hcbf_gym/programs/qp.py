@@ -17,7 +17,7 @@ from hcbf_gym.errors import SolverError, choose
 PRIMAL = 1e-7
 """The distance by which a solver's point may miss a row, relative to 1 + max|x|."""
 
-# Where a solver's own default is too loose to pass that check, or to tell one input from another.
+# Where a solver's own default is too loose to pass that check, or to agree with others.
 SETTINGS: dict[str, dict[str, Any]] = {
     "clarabel": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10},
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000},

@@ -93,7 +93,7 @@ def chain(n):
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_the_row_of_relative_degree_r_holds_h_along_the_flow(degree):
-    """h = 1 − x₁ of r integrators: with the row active h decays as the class-K chain says."""
+    """h = 1 − x₁ of r integrators: with the row active h decays by the class-K chain."""
     model = chain(degree)
     make = GeneralRows(model, LinearClassK(2.0), LinearClassK(2.0))
     wall = Function("wall", 1, lambda x, t: 1.0 - x[0])
@@ -155,7 +155,7 @@ def test_vanishing_gradients_and_kinks_are_reported_and_missing_ones_are_those_b
     assert make.conditioning[0] < 0.5
     assert make.conditioning[1] == 0.0
     np.testing.assert_array_equal(rows.a[1], 0.0)
-    assert rows.b[1] > 0.0  # inside, and no input helps: the program says VIOLATED
+    assert rows.b[1] > 0.0  # inside, and no input helps: the status is VIOLATED
     np.testing.assert_allclose(rows.a[2], (1.0, 0.0), atol=1e-9)  # beside, along the first axis
     assert np.isfinite(rows.b[2])
     assert rows.h[2] == -1.0
@@ -169,7 +169,7 @@ def test_a_value_that_is_not_finite_is_refused():
         GeneralRows(SingleIntegrator(), ALPHA1, ALPHA2)([h], np.array([-1.0, 0.0]))
 
 
-def test_combinations_are_what_they_say():
+def test_minimum_and_maximum_are_those_of_the_values():
     parts = [
         Function("a", 1, lambda x, t: jnp.hypot(x[0] - 1.0, x[1]) - 1.0),
         lambda x, t: x[0],
@@ -194,7 +194,7 @@ def test_combinations_are_what_they_say():
         "x[0]",
     ],
 )
-def test_what_is_no_function_of_jax_is_refused(h):
+def test_other_things_than_functions_of_jax_are_refused(h):
     with pytest.raises(HcbfError, match="expected"):
         Function("h", 1, h).h(np.zeros(2))
 

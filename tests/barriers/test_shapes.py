@@ -34,7 +34,7 @@ def points(n, seed=0):
     return np.random.default_rng(seed).uniform(-3.0, 3.0, (n, 2))
 
 
-def test_kinds_and_codes_tell_shapes_apart():
+def test_kinds_and_codes_distinguish_shapes():
     codes = [shape.code for shape in ALL]
     assert len(set(codes)) == len({shape.kind for shape in ALL}) == len(ALL)
     assert min(codes) >= 0
@@ -63,7 +63,7 @@ def test_python_and_compiled_code_have_the_same_numbers():
         assert getattr(importlib.import_module(f"hcbf_gym.barriers.{module}"), column) == number
 
 
-def test_what_is_no_shape_is_infinitely_far():
+def test_another_kind_is_infinitely_far():
     block = np.zeros(layout.WIDTH)
     assert _core.shape_jet(layout.CUSTOM, block, 1.0, 2.0) == (np.inf, 0.0, 0.0, np.inf, 0.0, 0.0)
     assert _core.shape_core(layout.CUSTOM, block, 1.0, 2.0, 0.0, 0.0, 0.1) == (
@@ -91,7 +91,7 @@ def test_h_is_convex_no_steeper_than_1_and_has_its_gradient(shape):
 
 
 @pytest.mark.parametrize("shape", ALL, ids=named)
-def test_the_core_says_where_the_gradient_does_not_turn(shape):
+def test_the_core_is_where_the_gradient_does_not_turn(shape):
     rng = np.random.default_rng(2)
     for q in points(300, 2):
         h, gradient, _ = shape.planar_jet(q)

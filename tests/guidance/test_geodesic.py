@@ -135,7 +135,7 @@ def test_inside_a_strict_region_the_row_leads_out_by_the_nearest_side():
         assert a @ out > 0.2
 
 
-def test_the_row_asks_for_speed_along_the_way_and_nothing_at_the_goal():
+def test_the_row_requests_speed_along_the_way_and_nothing_at_the_goal():
     way = way_of(FAR, (4.0, 0.0))
     a, b = row(way, np.array([0.0, 0.0, 0.0, 0.0]), 0.0)
     np.testing.assert_allclose(a, [1.0, 0.0], atol=0.02)
@@ -241,7 +241,7 @@ def test_the_field_of_a_moving_region_is_renewed_after_every_period():
     assert first[1] > 0.0 > last[1]  # the region has passed to the other side of the line
 
 
-def test_the_guidance_row_comes_last_unless_a_rank_may_give_way():
+def test_the_guidance_row_comes_last_unless_a_rank_may_be_crossed():
     priority = np.array([1, 3, 2, 2, 1])
     out = np.empty(6, dtype=np.int64)
 
@@ -336,3 +336,55 @@ def test_a_strip_has_no_more_cells_than_any_other_ground():
     way = guidance.Geodesic(cell=1e-4)
     way.reset([Disc("d", 1, (50.0, 0.0), 0.5)], (1.0, 0.0), ((-1e4, -0.01), (1e4, 0.01)))
     assert way.geometry[0, 3] * way.geometry[0, 4] <= 2.0 * _core.FIELD_MAX_CELLS
+
+
+POCKET = [
+    HalfPlane("left", 1, (0.0, -1.0), -2.37),
+    HalfPlane("right", 1, (0.0, 1.0), -2.37),
+    Disc("upper", 2, (-0.114, 0.646), 0.504),
+    Disc("lower", 3, (0.06, -0.338), 0.725),
+]
+"""Two discs that overlap, and a robot in the corner between them."""
+
+
+def pocket():
+    way = guidance.Geodesic()
+    way.reset(BarrierSet([POCKET]), (9.7, -0.35), start=(0.0, 0.0), clearance=0.054)
+    return way
+
+
+def led(way, x, out):
+    _core.guidance_rows(way.field, way.geometry, way.goal, x[None], way.pull, out)
+    return out[0, :2].copy()
+
+
+def test_on_the_ridge_between_two_ways_a_robot_stays_on_the_side_that_it_was_led_to():
+    way, ridges = pocket(), 0
+    for x in np.linspace(-1.2, -0.5, 36):
+        places = [np.array([x, y, 0.0, 0.0]) for y in np.arange(0.0, 0.5, 0.004)]
+        rows = [led(way, place, np.zeros((1, 3))) for place in places]
+        for k in range(1, len(rows)):
+            if rows[k] @ rows[k - 1] >= 0.0:
+                continue
+            ridges += 1  # a hair decides
+            for first in (k - 1, k):
+                out = np.zeros((1, 3))
+                begun = led(way, places[first], out)
+                for step in range(6):
+                    assert led(way, places[k - step % 2], out) @ begun > 0.0
+    assert ridges > 10
+
+
+def test_elsewhere_what_came_before_makes_no_difference():
+    way, rng = pocket(), np.random.default_rng(4)
+    places = np.column_stack([rng.uniform(-2.0, 9.0, 400), rng.uniform(-2.0, 2.0, 400)])
+    turned = 0
+    for place in places:
+        x = np.concatenate([place, np.zeros(2)])
+        fresh = led(way, x, np.zeros((1, 3)))
+        angle = rng.uniform(-1.5, 1.5)  # a row before that points less than a quarter turn away
+        cos, sin = np.cos(angle), np.sin(angle)
+        last = np.array([[cos * fresh[0] - sin * fresh[1], sin * fresh[0] + cos * fresh[1], 0.0]])
+        np.testing.assert_array_equal(led(way, x, last), fresh)
+        turned += abs(angle) > 1.0
+    assert turned > 50

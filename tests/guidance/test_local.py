@@ -55,12 +55,12 @@ def test_it_passes_a_convex_region_before_which_the_filter_alone_parks(barriers)
     assert np.linalg.norm(walk(barriers, guided=True) - GOAL) < 0.25
 
 
-def test_the_row_runs_along_the_edge_on_the_side_to_which_the_policy_leans():
-    for lean in (0.5, -0.5):
+def test_the_row_runs_along_the_edge_on_the_side_of_the_nominal_input():
+    for side in (0.5, -0.5):
         around = guidance.Local()
         around.reset([FLAT])
-        a, b = row(around, np.array([0.8, 0.0, 0.0, 0.0]), 0.0, np.array([3.0, lean]))
-        np.testing.assert_allclose(a, [0.0, np.sign(lean)], atol=1e-12)
+        a, b = row(around, np.array([0.8, 0.0, 0.0, 0.0]), 0.0, np.array([3.0, side]))
+        np.testing.assert_allclose(a, [0.0, np.sign(side)], atol=1e-12)
         assert b > 0.0
 
 

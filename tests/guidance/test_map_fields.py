@@ -1,4 +1,4 @@
-"""Fields on maps: exact distances, paths through doors and zones, changes, and what is refused."""
+"""Fields on maps: exact distances, paths through gaps and zones, changes, and what is refused."""
 
 import numpy as np
 import pytest
@@ -18,12 +18,12 @@ def blank():
     return np.zeros((40, 80), dtype=np.bool_)
 
 
-def walled(door):
-    """A hall of 8 x 4 m, with a wall across at x = 4 m and a door of so many cells in it."""
+def walled(gap):
+    """A hall of 8 x 4 m, with a wall across at x = 4 m and a gap of so many cells in it."""
     cells = blank()
     cells[[0, -1]], cells[:, [0, -1]] = True, True
     cells[:, 40:42] = True
-    cells[20 : 20 + door, 40:42] = False
+    cells[20 : 20 + gap, 40:42] = False
     return cells
 
 
@@ -60,8 +60,8 @@ def test_distances_are_those_of_the_cells_centres_from_the_occupied_squares():
 
 
 @pytest.mark.parametrize("turn", [0.0, np.pi / 6, np.pi / 4])
-def test_a_door_as_wide_as_the_body_is_passed_however_the_map_is_turned(turn):
-    ranked_map = map_of(walled(door=7), origin=(3.0, -2.0, turn))
+def test_a_gap_as_wide_as_the_body_is_passed_however_the_map_is_turned(turn):
+    ranked_map = map_of(walled(gap=7), origin=(3.0, -2.0, turn))
     way = way_on(ranked_map, (1.0, 1.0), (7.0, 1.0))
     view, place, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
     point = np.array(ranked_map.grid.to_world([[10.0, 10.0]])[0])
@@ -72,9 +72,9 @@ def test_a_door_as_wide_as_the_body_is_passed_however_the_map_is_turned(turn):
         passed.append(point)
         assert len(passed) < 300
     cells = ranked_map.grid.to_cells(passed)
-    door = cells[(cells[:, 0] > 40) & (cells[:, 0] < 42)]
-    np.testing.assert_allclose(door[:, 1], 23.5, atol=0.6)  # its middle
-    narrow = map_of(walled(door=5), origin=(3.0, -2.0, turn))
+    gap = cells[(cells[:, 0] > 40) & (cells[:, 0] < 42)]
+    np.testing.assert_allclose(gap[:, 1], 23.5, atol=0.6)  # its middle
+    narrow = map_of(walled(gap=5), origin=(3.0, -2.0, turn))
     with pytest.raises(InvalidInputError, match=r"'walls', rank 1, at .* does not fit"):
         way_on(narrow, (1.0, 1.0), (7.0, 1.0))
 
@@ -82,7 +82,7 @@ def test_a_door_as_wide_as_the_body_is_passed_however_the_map_is_turned(turn):
 def test_a_goal_behind_a_zone_is_refused_with_the_reason_and_reached_through_it():
     zone = blank()
     zone[:, 38:44] = True
-    ranked_map = map_of(walled(door=12), zone)
+    ranked_map = map_of(walled(gap=12), zone)
     with pytest.raises(InvalidInputError, match=r"'zone', rank 2, at .*through.: 2}"):
         way_on(ranked_map, (1.0, 1.0), (7.0, 1.0))
     way = way_on(ranked_map, (1.0, 1.0), (7.0, 1.0), through=2)
@@ -94,19 +94,19 @@ def test_no_zone_lies_on_the_way_where_one_without_it_exists_however_long():
     zone = blank()
     zone[1:-1, 20] = True
     zone[-9:-1, 20] = False  # open at the top alone
-    ranked_map = map_of(walled(door=12), zone)
+    ranked_map = map_of(walled(gap=12), zone)
     way = way_on(ranked_map, (1.0, 1.0), (3.2, 1.0))
     assert way.reachable(at(1.0, 1.0)) == 0
     (a,), _ = way.rows(at(1.0, 1.0), np.array([0.0]))
     assert a[1] > 0.7
-    crossing = way_on(map_of(walled(door=12), zone, rank=4), (1.0, 1.0), (3.2, 1.0), through=4)
+    crossing = way_on(map_of(walled(gap=12), zone, rank=4), (1.0, 1.0), (3.2, 1.0), through=4)
     assert crossing.reachable(at(1.0, 1.0)) == 4  # a metre of rank 4 costs 10, the way round more
 
 
 def test_out_of_a_zone_the_way_does_not_lead_to_the_nearest_edge_behind_a_wall():
     zone = blank()
     zone[:, 42:60] = True
-    way = way_on(map_of(walled(door=12), zone), (4.9, 1.0), (7.5, 1.0))
+    way = way_on(map_of(walled(gap=12), zone), (4.9, 1.0), (7.5, 1.0))
     assert _core.guidance_rank_at(way.zone[0], way.geometry[0], 4.9, 1.0) == 2
     assert _core.guidance_rank_at(way.zone[0], way.geometry[0], 7.5, 1.0) == 0
     (a,), (b,) = way.rows(at(4.9, 1.0), np.array([0.0]))
@@ -115,7 +115,7 @@ def test_out_of_a_zone_the_way_does_not_lead_to_the_nearest_edge_behind_a_wall()
 
 
 def test_a_goal_is_refused_where_the_body_has_no_room_or_the_map_ends():
-    ranked_map = map_of(walled(door=12))
+    ranked_map = map_of(walled(gap=12))
     with pytest.raises(InvalidInputError, match="too close to 'walls', rank 1"):
         way_on(ranked_map, (1.0, 1.0), (7.7, 1.0))
     with pytest.raises(InvalidInputError, match=r"goal: got .* within the extent"):
@@ -132,7 +132,7 @@ def changed(walls, rng):
 
 def test_the_field_of_a_changed_map_is_that_of_a_new_one():
     rng = np.random.default_rng(0)
-    walls, zone = walled(door=12), blank()
+    walls, zone = walled(gap=12), blank()
     zone[5:30, 50:60] = True
     way = way_on(map_of(walls, zone), (1.0, 1.0), (7.0, 3.2))
     for _ in range(30):
@@ -146,7 +146,7 @@ def test_the_field_of_a_changed_map_is_that_of_a_new_one():
 
 
 def test_where_other_ranks_close_the_way_after_a_change_the_field_is_a_new_one():
-    cells = walled(door=0)
+    cells = walled(gap=0)
     way = way_on(map_of(cells, blank()), (1.0, 1.0), (2.0, 3.0))
     as_zone = map_of(blank(), cells)
     way.follow(BarrierSet([[as_zone]]), np.zeros(1))
@@ -157,7 +157,7 @@ def test_where_other_ranks_close_the_way_after_a_change_the_field_is_a_new_one()
 
 def test_the_ground_of_a_changed_map_is_that_of_a_new_one():
     rng = np.random.default_rng(1)
-    walls = walled(door=12)
+    walls = walled(gap=12)
     ground = MapGround(map_of(walls).conditions, BODY, 0)
     for _ in range(20):
         walls = changed(walls, rng)
@@ -169,7 +169,7 @@ def test_the_ground_of_a_changed_map_is_that_of_a_new_one():
 
 def test_a_disc_that_moves_beside_a_map_is_walked_around():
     disc = Disc("mover", 1, (2.0, 1.2), 0.3, (0.0, 0.8))
-    way = way_on(map_of(walled(door=12)), (1.0, 2.0), (3.2, 2.0), barriers=(disc,))
+    way = way_on(map_of(walled(gap=12)), (1.0, 2.0), (3.2, 2.0), barriers=(disc,))
     first, _ = way.rows(at(1.0, 2.0), np.array([0.0]))
     later, _ = way.rows(at(1.0, 2.0), np.array([1.5]))
     assert first[0, 1] > 0.0 > later[0, 1]  # over it while it is below, under it when it has passed

@@ -46,7 +46,7 @@ def points(rng, flat, count):
 
 
 def compare(rng, name, program="lex-cbf-qp", ranks=4, **options):
-    """Return the greatest relative errors (N,) at points of one scene, NaN at what is not generic,
+    """Return the greatest relative errors (N,) at points of one scene, NaN where it is not generic,
     and the statuses (N,).
 
     A point is not generic if the filter reports it, or if slopes to either side differ: a kink is

@@ -79,7 +79,7 @@ def test_wrong_shapes_are_refused(place, shape, expected):
         layer(*given)
 
 
-def test_what_is_no_tensor_is_refused():
+def test_other_things_than_tensors_are_refused():
     with pytest.raises(InvalidInputError, match=r"x: got .* expected a Tensor"):
         SafetyLayer(BARRIERS)(tensors()[0], [0.0] * 4)
 
