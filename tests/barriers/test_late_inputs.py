@@ -176,15 +176,6 @@ def test_what_comes_into_sight_later_brakes_and_names_what_is_late():
     assert abs(env.unwrapped.x[3]) < 1e-6
 
 
-def test_allowed_it_is_one_warning_and_the_row_of_the_other_inputs():
-    with pytest.warns(UserWarning, match="allowed") as texts:
-        env = wrappers.SafetyFilter(Car(), plant=plant([DISC]), allow_late_inputs=True)
-    assert len(texts) == 1
-    env.reset(seed=0)
-    *_, info = env.step(np.array([1.0, 0.0]))
-    assert info["safety_filter"]["reason"] == 0
-
-
 def test_a_minimum_of_conditions_of_different_relative_degree_is_refused():
     jnp = pytest.importorskip("jax.numpy")
     both = Function("both", 1, lambda x, t: jnp.minimum(x[0], 1.0 - x[2]))

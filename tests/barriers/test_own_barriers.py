@@ -215,20 +215,13 @@ class Post(Several):
         self.conditions = (Disc("post", 1, center=(to, 0.0), radius=0.1),)
 
 
-def stepped(model):
+def stepped(model, reads_anew=False):
     post = Post()
-    plant = Plant(model, [post], lambda env, *_: env.x.copy(), period=0.02)
+    conditions = (lambda *_: [post]) if reads_anew else [post]
+    plant = Plant(model, conditions, lambda env, *_: env.x.copy(), period=0.02)
     env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
     env.reset(seed=0)
     return post, lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
-
-
-def read_anew():
-    model, post = models.DoubleIntegrator(), Post()
-    plant = Plant(model, lambda *_: [post], lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(Still(model), plant=plant)
-    env.reset(seed=0)
-    return post, lambda: env.step(np.zeros(2))[4]["safety_filter"]["h"][-1]
 
 
 def batched():
@@ -246,8 +239,8 @@ def driven():
     safe = VelocityFilter("cart", [post], period=0.05)
 
     def step():
-        report = safe.step((0.0, 0.0), np.zeros(3), np.zeros(3), 0.05 * next(times))[1]
-        return report["h"][-1]
+        at = 0.05 * next(times)
+        return safe.step((0.0, 0.0), np.zeros(3), np.zeros(3), at)[1]["h"][-1]
 
     return post, step
 
@@ -259,7 +252,7 @@ def driven():
         lambda: stepped(models.DoubleIntegrator()),
         lambda: stepped(models.SingleIntegrator()),
         lambda: stepped(Unicycle()),
-        read_anew,
+        lambda: stepped(models.DoubleIntegrator(), reads_anew=True),
         batched,
         driven,
     ],
