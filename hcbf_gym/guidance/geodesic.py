@@ -139,14 +139,7 @@ class Geodesic:
                 malformed; the fields stay as they were.
         """
         count = len(self.geometry)
-        scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
-        if len(scenes.kind) != count:
-            raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")
-        if (scenes.kind == layout.CUSTOM).any():
-            names = sorted({barrier.name for barrier in scenes.own.values()})
-            raise InvalidInputError(
-                f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
-            )
+        scenes = _read(barriers, count)
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         now = np.array(np.broadcast_to(t, count), dtype=np.float64)
         goals = validation.points("goal", goal, count)
@@ -171,7 +164,14 @@ class Geodesic:
         for n in np.flatnonzero(fresh).tolist():
             self._scenes[n], self._grounds[n] = scenes, grounds[n]
         self.goal[fresh], self.geometry[fresh] = goals[fresh], geometry[fresh]
-        self._reserve(int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0)))
+        cells = int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0))
+        missing = cells - self.field.shape[1]
+        for name in ("field", "through", "zone") if missing > 0 else ():
+            setattr(self, name, np.pad(getattr(self, name), ((0, 0), (0, missing))))
+        self._solve_fresh(scenes, fresh, starts, now)
+
+    def _solve_fresh(self, scenes: BarrierSet, fresh: Mask, start: Array, now: Array) -> None:
+        """Compute the fields of scenes that begin, and note where no path leads on their maps."""
         velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
         planar = scenes.kind != layout.SPEED_LIMIT
         moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
@@ -179,7 +179,7 @@ class Geodesic:
         later = now + np.where(moves, 0.5 * self.period, 0.0)
         self._solve(fresh, later)
         for n in np.flatnonzero(fresh).tolist():
-            why = self._blocked(n, starts[n], float(later[n]))
+            why = self._blocked(n, start[n], float(later[n]))
             if why:
                 self.lost[n], self._next[n] = why, now[n] + self.period
         self._moving = bool((self._next < np.inf).any())
@@ -341,12 +341,6 @@ class Geodesic:
                 geometry[n] = ground.geometry
         return geometry
 
-    def _reserve(self, cells: int) -> None:
-        """Make room for fields of so many cells, retaining those that there are."""
-        missing = cells - self.field.shape[1]
-        for name in ("field", "through", "zone") if missing > 0 else ():
-            setattr(self, name, np.pad(getattr(self, name), ((0, 0), (0, missing))))
-
     def _solve(self, mask: Mask, t: Array) -> None:
         """Compute the masked scenes' fields at the times t (N,), none of them twice."""
         first: dict[_Inputs, int] = {}
@@ -409,6 +403,23 @@ class Geodesic:
             f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
             f"expected a goal that can be reached{remedy}"
         )
+
+
+def _read(barriers: BarrierSet | Sequence[Barrier | Shapes | Several], count: int) -> BarrierSet:
+    """Return N scenes of built-in barriers.
+
+    Raises:
+        InvalidInputError: if there are others, or another number of scenes.
+    """
+    scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
+    if len(scenes.kind) != count:
+        raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")
+    if (scenes.kind == layout.CUSTOM).any():
+        names = sorted({barrier.name for barrier in scenes.own.values()})
+        raise InvalidInputError(
+            f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
+        )
+    return scenes
 
 
 def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:

@@ -41,7 +41,7 @@ def refusals(
     place: tuple[Array, Array, Array],
     t: Array,
 ) -> dict[int, str]:
-    """Return scene → why no path leads to its goal, for those of which that is known at once.
+    """Return scene → why no path leads to its goal, where that is known before there is a field.
 
     Args:
         mask: (N,) which scenes.
