@@ -20,6 +20,7 @@ from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Conditions, Group, Prepared, prepared
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import ALPHA2_PSI, CONDITIONING, MARGIN, RATE, WIDTH, B, CbfRows, H
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import (
@@ -167,7 +168,7 @@ class GeneralRows:
                 return
             for i in range(len(x)):
                 one = slice(i, i + 1)
-                part = prepared([scenes.scenes[i]], self.functions, self.reach)
+                part = prepared(BarrierSet([scenes.scenes[i]]), self.functions, self.reach)
                 part.scene.parameters[:] = scenes.scene.parameters[one]
                 here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
                 self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one], here)
@@ -271,7 +272,7 @@ class GeneralRows:
         """
         kept = self._latest  # filters in other threads share these rows
         if kept is None or not kept.is_of(scenes):
-            self._latest = kept = prepared(scenes, self.functions, self.reach)
+            self._latest = kept = prepared(BarrierSet(scenes), self.functions, self.reach)
         return kept
 
     def reach(self, barrier: Barrier) -> Reach:

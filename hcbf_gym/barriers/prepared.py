@@ -1,23 +1,20 @@
 """The barriers of N scenes of any model, with what stays the same from state to state."""
 
-import itertools
 import operator
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
 from hcbf_gym.barriers.layout import ELSEWHERE
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.shapes import SHAPES
-from hcbf_gym.barriers.speed_limit import SpeedLimit
+from hcbf_gym.barriers.set import BarrierSet
 
 Conditions = tuple[Barrier, ...]
 
@@ -87,61 +84,46 @@ class Prepared(NamedTuple):
 
 
 def prepared(
-    scenes: Sequence[Conditions], functions: FunctionCache, reach: Callable[[Barrier], Reach]
+    scenes: BarrierSet, functions: FunctionCache, reach: Callable[[Barrier], Reach]
 ) -> Prepared:
     """Return what is known of the barriers of N scenes.
 
     Raises:
         InvalidInputError: if no input reaches one.
     """
-    count = len(scenes)
-    if count > 1 and all(scene is scenes[0] for scene in scenes):
-        return _repeated(prepared(scenes[:1], functions, reach), count, functions)
-    groups = _groups(scenes, functions)
+    listed: Any = scenes.listed
+    distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
+    groups = _groups(listed, functions)
     of_functions = {
         (int(i), int(k)): one
         for group in groups
-        for i in group.scenes
+        for i in group.scenes[: len(distinct)]
         for k, one in zip(group.places, group.rows.reaches, strict=True)
     }
     reaches = [
         [of_functions.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
-        for i, scene in enumerate(scenes)
+        for i, scene in enumerate(distinct)
     ]
-    kind, parameters = _blocks(scenes)
-
-    def filled(of: Callable[[Barrier], float], dtype: DTypeLike) -> Any:
-        return _filled([[of(barrier) for barrier in scene] for scene in scenes], kind.shape, dtype)
-
-    degree = _filled([[one.degree for one in scene] for scene in reaches], kind.shape, np.int64)
+    kind, degree = scenes.kind.copy(), np.zeros_like(scenes.kind)
+    for row, of_scene in zip(degree, reaches, strict=False):
+        row[: len(of_scene)] = [one.degree for one in of_scene]
+    degree[len(distinct) :] = degree[:1]
+    custom = []
+    for (i, k), barrier in sorted(scenes.own.items(), key=itemgetter(0)):
+        if isinstance(barrier, Function):
+            kind[i, k] = ELSEWHERE
+        else:
+            custom.append((i, k, barrier))
     return Prepared(
-        tuple(scenes),
+        tuple(listed),
         groups,
-        [(int(i), int(k), scenes[i][k]) for i, k in np.argwhere(kind == layout.CUSTOM)],
-        Scene(kind, parameters, degree),
+        custom,
+        Scene(kind, scenes.parameters, degree),
         reaches,
         bool((degree[kind != ELSEWHERE] == 2).any()),
-        filled(lambda one: one.priority, np.int64),
-        filled(lambda one: one.margin if isinstance(one, SpeedLimit) else 0.0, np.float64),
-        filled(lambda one: one.priority == 1 and one.reads_position, np.float64),
-    )
-
-
-def _repeated(one: Prepared, count: int, functions: FunctionCache) -> Prepared:
-    """Return what is known of N scenes that are the same."""
-
-    def repeated(part: Any) -> Any:
-        return np.repeat(part, count, axis=0)
-
-    scenes = one.scenes * count
-    return one._replace(
-        scenes=scenes,
-        groups=_groups(scenes, functions) if one.groups else [],
-        custom=[(i, k, barrier) for i in range(count) for _, k, barrier in one.custom],
-        scene=Scene(*map(repeated, one.scene)),
-        priority=repeated(one.priority),
-        least=repeated(one.least),
-        share=repeated(one.share),
+        scenes.priority,
+        scenes.own_margin,
+        scenes.keeps_margin,
     )
 
 
@@ -161,33 +143,3 @@ def _groups(scenes: Sequence[Conditions], functions: FunctionCache) -> list[Grou
         )
         for (places, _), members in found.items()
     ]
-
-
-def _filled(lists: Sequence[Sequence[float]], shape: tuple[int, ...], dtype: DTypeLike) -> Any:
-    """Return N lists of at most m numbers as an array (N, m), zero behind the shorter ones."""
-    filled = np.zeros(shape, dtype=dtype)
-    for row, numbers in zip(filled, lists, strict=True):
-        row[: len(numbers)] = numbers
-    return filled
-
-
-def _blocks(scenes: Sequence[Conditions]) -> tuple[Integers, Array]:
-    """Return kinds (N, m) and blocks (N, m, WIDTH) of N scenes."""
-    kind = np.full((len(scenes), max(map(len, scenes))), layout.NONE, dtype=np.int64)
-    parameters = np.zeros((*kind.shape, layout.WIDTH))
-    for i, scene in enumerate(scenes):
-        kind[i, : len(scene)] = ELSEWHERE
-        k = 0
-        for cls, run in itertools.groupby(scene, type):
-            barriers: list[Any] = list(run)
-            end = k + len(barriers)
-            if cls in SHAPES:
-                kind[i, k:end] = cls.code
-                parameters[i, k:end] = cls.blocks_of(barriers)
-            elif cls is SpeedLimit:
-                for place, barrier in enumerate(barriers, k):
-                    kind[i, place] = barrier.write(parameters[i, place])
-            elif not issubclass(cls, Function):
-                kind[i, k:end] = layout.CUSTOM
-            k = end
-    return kind, parameters

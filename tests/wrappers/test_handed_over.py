@@ -204,7 +204,7 @@ def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
 
     def interrupted(one, other):
         found = compare(one, other)
-        rows._latest = prepared(others, rows.functions, rows.reach)
+        rows._latest = prepared(BarrierSet(others), rows.functions, rows.reach)
         return found
 
     rows.prepare(mine)
