@@ -59,7 +59,8 @@ class GeneralProgram(Program):
         n_u = self.input_set.n_u
         desired = finite_array("u_nominal", floats("u_nominal", u_nominal, (n_u,)), (n_u,))
         check_rows(rows, n_u)
-        rows = self.prices.complete(rows)
+        if rows.alpha2_psi is None:
+            rows = self.prices.complete(rows)
         m = rows.b.size
         answer = np.empty(n_u + 2 * m + 1)
         solver = None if self.solver is None else Solver(self.solver)

@@ -93,7 +93,8 @@ class _Compiled:
 
     def _solve(self, u_nominal: Array, rows: CbfRows) -> Array:
         """Return u, slack, δ and the statuses of all states, one after the other."""
-        rows = self.prices.complete(rows)
+        if rows.alpha2_psi is None:
+            rows = self.prices.complete(rows)
         shape = rows.b.shape
         kind, psi = rows.priority.dtype.kind, rows.alpha2_psi
         fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape

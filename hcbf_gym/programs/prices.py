@@ -82,13 +82,11 @@ class Prices(NamedTuple):
             )
 
     def complete(self, rows: CbfRows) -> CbfRows:
-        """Return rows whose α₂(ψ) is an array, as the core reads them; it needs none for δ_min = 0.
+        """Return rows without α₂(ψ) with an array for it, which the core does not read.
 
         Raises:
             InvalidInputError: if ε is to be known and the rows do not carry α₂(ψ).
         """
-        if rows.alpha2_psi is not None:
-            return rows
         if self.known_offset:
             raise InvalidInputError(
                 "rows.alpha2_psi: got None, expected α₂(ψ) of each row for epsilon='known'"
