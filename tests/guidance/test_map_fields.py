@@ -155,18 +155,6 @@ def test_where_other_ranks_close_the_way_after_a_change_the_field_is_a_new_one()
     np.testing.assert_array_equal(way.through, new.through)
 
 
-def test_the_ground_of_a_changed_map_is_that_of_a_new_one():
-    rng = np.random.default_rng(1)
-    walls = walled(gap=12)
-    ground = MapGround(map_of(walls).conditions, BODY, 0)
-    for _ in range(20):
-        walls = changed(walls, rng)
-        ground = ground.with_regions(map_of(walls).conditions)
-        new = MapGround(map_of(walls).conditions, BODY, 0)
-        np.testing.assert_array_equal(ground.ground.cost, new.ground.cost)
-        np.testing.assert_array_equal(ground.ground.rank, new.ground.rank)
-
-
 def test_a_disc_that_moves_beside_a_map_is_walked_around():
     disc = Disc("mover", 1, (2.0, 1.2), 0.3, (0.0, 0.8))
     way = way_on(map_of(walled(gap=12)), (1.0, 2.0), (3.2, 2.0), barriers=(disc,))
