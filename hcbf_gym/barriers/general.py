@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.barrier import Barrier, Jet, checked, is_plain
+from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_cache import FunctionCache
-from hcbf_gym.barriers.kinks import SMOOTH, Kinks
+from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Conditions, Group, Prepared, prepared
@@ -188,7 +188,7 @@ class GeneralRows:
         count, m = scenes.priority.shape
         jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
         for i, k, barrier in scenes.custom:
-            jet = self._jet(barrier, x[i], float(t[i]), (known, first + i))
+            jet = known.jet(self.model, barrier, x[i], float(t[i]), first + i)
             jets[i, k, :3] = jet.h, jet.rate, jet.rate_rate
             jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
             jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
@@ -205,31 +205,6 @@ class GeneralRows:
             out[here] = reserved
         if lags and self._most is not None:
             self._recover(scenes, self._most, out)
-
-    def _jet(self, barrier: Barrier, x: Array, t: float, kinks: tuple[Kinks, int]) -> Jet:
-        """Return h and its derivatives; those beside x where they are not finite there.
-
-        Raises:
-            InvalidInputError: if the barrier returns no jet, h is not finite, or neither are the
-                derivatives beside x.
-        """
-        jet, n = barrier.jet(x, t), self.model.n
-        if isinstance(jet, Jet) and is_plain(jet, n):
-            return jet
-        jet = checked(barrier, jet, n, finite=False)
-        if all(np.isfinite(field).all() for field in jet):
-            return jet
-        if not np.isfinite(jet.h):
-            raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-        known, i = kinks
-        for beside in known.beside(self.model, x, i):
-            other = checked(barrier, barrier.jet(beside, t), n, finite=False)
-            if all(np.isfinite(field).all() for field in other):
-                known.warn(barrier, x)
-                return other._replace(h=jet.h)
-        raise InvalidInputError(
-            f"{barrier.name}: the gradient of h is not finite at x = {x.tolist()}; {SMOOTH}"
-        )
 
     def _beside(
         self,
