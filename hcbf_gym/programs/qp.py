@@ -19,7 +19,7 @@ PRIMAL = 1e-7
 
 # Where a solver's own default is too loose to pass that check, or to agree with others.
 SETTINGS: dict[str, dict[str, Any]] = {
-    "clarabel": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10},
+    "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000},
     "scs": {"eps_abs": 1e-9, "eps_rel": 1e-9},
     "proxqp": {"eps_abs": 1e-10, "eps_rel": 0.0},
