@@ -13,7 +13,7 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, insta
 B, H, ALPHA2_PSI, PSI = range(4)
 """What is written of rows besides a: the first axis of that array."""
 MARGIN, RATE, QUICKENING, USABLE, REACH, FAST, DIP, CONDITIONING, PLACED, WIDTH = range(4, 14)
-"""What follows in a row that is made for any model: m, ṁ, m̈ and more of `margins`, what the row
+"""What follows in a row that is made for any model: m, ṁ, m̈ and more of margins.hpp, what the row
 reserves besides, how well it is conditioned, and 1 where its barrier reads the position. a (n_u,)
 is behind."""
 

@@ -161,7 +161,7 @@ class Estimate(NamedTuple):
 class Uncertainty(NamedTuple):
     """What a plant does beside its reduced-order model: what the derived margin follows from.
 
-    `barriers.margins` has the formula of these numbers, for every model. A filter refuses
+    `docs/guarantees.md` has the formula of these numbers, for every model. A filter refuses
     `per_velocity` of a model whose velocity is the input, and what a speed limit reserves of a
     model without one.
 
