@@ -183,6 +183,6 @@ class RegionsBatch:
         own = tuple(np.array(list(self.barrier_set.own)).T)
         for s in range(SUBSTEPS):
             for i in range(len(x)):
-                x[i] = double_integrator_step(x[i], u[i], PHYSICS_DT, self._v_max[i])
+                x[i] = _core.double_integrator_step(x[i], u[i], PHYSICS_DT, self._v_max[i])
             self.barrier_set.write_own_values(x, self.time + (s + 1) * PHYSICS_DT, h)
             min_h[own] = np.minimum(min_h[own], h[own])

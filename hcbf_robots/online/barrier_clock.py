@@ -44,7 +44,7 @@ class BarrierClock:
         if was_sound and not self.is_sound and seen_at is not None:
             warn_caller(
                 f"velocity filter: seen_at: got {seen_at:.9g} s at {present:.9g} s, expected a "
-                f"stamp of the robot's clock ({clocks.says(age, SEEN_FOR)}); the command is "
+                f"stamp of the robot's clock ({clocks.refusal(age, SEEN_FOR)}); the command is "
                 "zero until there is one",
                 SafetyWarning,
             )

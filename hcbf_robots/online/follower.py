@@ -6,7 +6,6 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import TINY
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_robots.online.robot import Robot
 from hcbf_robots.walkers.walker_adapter import Adapter
@@ -116,7 +115,7 @@ class Follower:
             own[0] = min(max(own[0], -self.fastest), self.fastest)
             axes = self._axes(heading)
             change = (own - now @ axes) / self._period
-            most = np.array([self._axle.braking, drives.across(self._axle)])
+            most = np.array([self._axle.braking, self._axle.across])
             return axes @ np.clip(change, -most, most)
         cos, sin = math.cos(heading), math.sin(heading)
         velocity = np.array([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]])

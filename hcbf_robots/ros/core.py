@@ -322,13 +322,13 @@ class NodeCore:
         )
         status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
         if reason.lasts:
-            fault = Fault("robot", reason.says)
+            fault = Fault("robot", reason.text)
             self._alarm = now.steady + self.settings.alarm_pause, fault
             self._begin_anew()
             return self._stopped([fault], now)
         if status == FilterStatus.BACKUP:
             why = f": {self._filter.lost}" if reason == Reason.GOAL else ""
-            message = f"filter: {reason.says}{why}"
+            message = f"filter: {reason.text}{why}"
             return Decision(command, wanted, Level.ERROR, message, Action.STOP, "filter", report)
         levels = {FilterStatus.RELAXED: Level.WARN}
         level = Level.OK if status <= FilterStatus.SAFE else levels.get(status, Level.ERROR)

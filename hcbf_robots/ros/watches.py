@@ -68,7 +68,7 @@ class Watch:
         if not math.isfinite(stamp):
             return self.refuse(f"stamp {stamp}")
         if not clocks.is_accepted(age, math.inf, self._tolerance):
-            return self.refuse(clocks.says(age, math.inf, self._tolerance))
+            return self.refuse(clocks.refusal(age, math.inf, self._tolerance))
         if stamp <= self.stamp:
             return False
         self.stamp, self._received, self._wrong = stamp, now.steady, ""
@@ -89,7 +89,7 @@ class Watch:
         never = self.timeout == 0.0 or not math.isfinite(age)  # infinite: known without a message
         if never or clocks.is_accepted(age, self.timeout, math.inf):
             return None
-        return Fault(self._name, clocks.says(age, self.timeout))
+        return Fault(self._name, clocks.refusal(age, self.timeout))
 
 
 class ClockWatch:

@@ -25,7 +25,7 @@ from tests.robots.walkers import LEARNED
 CARTS = ("cart", "holonomic-cart")
 AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 FAR = [Disc("far", 1, center=(50.0, 0.0), radius=1.0)]
-STANDS = pytest.mark.filterwarnings(f"ignore:.*{Reason.RESPONSE.says[:20]}")
+STANDS = pytest.mark.filterwarnings(f"ignore:.*{Reason.RESPONSE.text[:20]}")
 
 
 @pytest.mark.physics
