@@ -9,7 +9,7 @@ from PIL import Image
 
 from hcbf_gym import Command, Robot, VelocityFilter, scenarios, wrappers
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, said_once
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, warned_once
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.maps import RankedMap
 from hcbf_gym.models.input_sets import Box
@@ -80,9 +80,9 @@ def test_a_sensor_s_number_that_is_divided_by_is_not_next_to_nothing(name):
         Sensors(**{name: 1e-300})
 
 
-def test_what_is_warned_of_many_times_is_said_once_also_where_it_fails():
+def test_what_is_warned_of_many_times_is_warned_once_also_where_it_fails():
     def fails():
-        with said_once():
+        with warned_once():
             for text in ("one", "other", "one", "one"):
                 warnings.warn(text, CoverageWarning, stacklevel=2)
             raise ZeroDivisionError

@@ -99,10 +99,10 @@ def warn_of(name: str, judged: Judged) -> None:
     if not judged.outside:
         return
     if judged.covered_by == CoveredBy.VERSION:
-        warn_of_version(judged.says[0])
+        warn_of_version(judged.reasons[0])
         return
     warn_caller(
         f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was tested: "
-        f"{'; '.join(judged.says)}",
+        f"{'; '.join(judged.reasons)}",
         CoverageWarning,
     )

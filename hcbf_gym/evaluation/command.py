@@ -34,13 +34,13 @@ from hcbf_gym.errors import (
     InvalidInputError,
     UnknownNameError,
     require,
-    said_once,
+    warned_once,
 )
-from hcbf_gym.evaluation import chunks, own_environment
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.environments import ENVIRONMENTS, Known
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
+from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.evaluation.rollouts import (
@@ -158,7 +158,7 @@ def main(args: Args) -> None:
     ]
     if args.output is not None:
         check_folder(args.output, _settings(args, _files(args)), args.overwrite)
-    with said_once():
+    with warned_once():
         _try(args, cases)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoverageWarning)  # it has just been said
@@ -216,11 +216,7 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
 
 
 def _check(args: Args) -> None:
-    """Refuse arguments that do not go together.
-
-    Raises:
-        HcbfError: if there are some.
-    """
+    """Refuse arguments that do not go together."""
     Runs(None, args.workers, args.backend).check()
     if not (args.own or args.env in ENVIRONMENTS):
         raise UnknownNameError(
@@ -262,7 +258,7 @@ def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
     if "robot" not in args.known.options:
         left_out.add("robot")  # that of the environment is no argument
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
-    decided = {"files": sources_hash(list(files)) if files else "", "versions": chunks.versions()}
+    decided = {"files": sources_hash(list(files)) if files else "", "versions": versions()}
     return records.plain(given) | decided
 
 

@@ -92,13 +92,7 @@ def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
 
 
 def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[float]:
-    """Draw where regions move: an arrow for 2 s, and later outlines; return their times [s].
-
-    Args:
-        axes: where to draw.
-        barriers: that are drawn where they are at the start.
-        end: of the last episode [s].
-    """
+    """Draw where regions move: an arrow for 2 s, and later outlines; return their times [s]."""
     times: set[float] = set()
     shapes = [barrier for barrier in barriers if isinstance(barrier, Shape)]
     moving = [shape for shape in shapes if shape.frame_velocity.any()]

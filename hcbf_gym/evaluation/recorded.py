@@ -224,11 +224,7 @@ def _limited(env: gym.Env, policy: Policy, seed: int, steps: int | None) -> Iter
 
 
 def _plant_of(env: gym.Env) -> Plant:
-    """Return the plant of the filter around an environment of the user's own.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return the plant of the filter around an environment of the user's own."""
     around: Any = env
     while around is not env.unwrapped:
         if isinstance(getattr(around, "plant", None), Plant):

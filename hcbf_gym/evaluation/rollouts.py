@@ -11,8 +11,8 @@ import numpy as np
 from hcbf_gym import loading, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import own_environment
-from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.environments import ENVIRONMENTS
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import Episode, rollout
 from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, upper_bound
 from hcbf_gym.models.plant import Plant
@@ -145,10 +145,6 @@ class Job(NamedTuple):
         return self.case.run(self.seed)
 
 
-FEW, CHUNKS, MOST = 16, 64, 10
-"""Fewer episodes run alone each, and in chunks otherwise: some so many, of at most so many."""
-
-
 def evaluate(
     cases: Sequence[Case],
     seeds: Sequence[int],
@@ -171,8 +167,7 @@ def evaluate(
     jobs = [Job(case, seed) for case in cases for seed in seeds]
     own = {case.env for case in cases if loading.is_function(case.env)}
     plant = " ".join(own_environment.identity(env) for env in sorted(own))
-    size = 1 if len(jobs) < FEW else min(MOST, max(2, len(jobs) // CHUNKS))
-    episodes = runs.over(Job.run, jobs, title, reads, size, plant, repeat=True)
+    episodes = runs.over(Job.run, jobs, title, reads, plant, repeat=True)
     return ((jobs[k].case, jobs[k].seed, episode) for k, episode in episodes)
 
 

@@ -134,10 +134,7 @@ class Controls:
         self._gizmo.position = (x, y, 0.1)
 
     def _if_steering(self, act: Act[E]) -> Act[E]:
-        """Return a callback that obeys the browser that steers, and tells others that they don't.
-
-        What the page itself changes comes back without a browser, and is no command.
-        """
+        """Return a callback that obeys the browser that steers, and tells others that they don't."""
 
         def callback(event: E) -> None:
             if event.client is None:

@@ -101,11 +101,7 @@ def from_json(content: bytes) -> Scenario:
 
 
 def _shape(barrier: Barrier) -> Shape:
-    """Return the barrier, if it is a region.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return the barrier, if it is a region."""
     if isinstance(barrier, Shape):
         return barrier
     raise InvalidInputError(

@@ -297,11 +297,7 @@ class Session:
             self._conflict = report.conflict(filtered.conflict(), inner.barriers, x)
 
     def _arrive(self, steered: bool) -> None:
-        """Say that the robot is at its goal, and after a rest let it go on.
-
-        Args:
-            steered: whether a person leads it, who goes on by themselves.
-        """
+        """Say that the robot is at its goal, and after a rest let it go on."""
         if not self._info["is_success"]:
             self._rest = 0
             reference = self.scenario.reference

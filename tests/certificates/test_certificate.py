@@ -71,7 +71,7 @@ def test_a_file_that_was_changed_is_refused(tmp_path):
     with pytest.raises(InvalidInputError, match="the file was changed"):
         Certificate.from_dict(data)
     (tmp_path / "no.json").write_text("[")
-    with pytest.raises(InvalidInputError, match="expected a JSON file"):
+    with pytest.raises(InvalidInputError, match="expected a readable JSON file"):
         Certificate.load(tmp_path / "no.json")
 
 
@@ -197,9 +197,9 @@ def test_a_plant_is_the_certified_one_where_all_that_it_declares_is():
     elsewhere = certificates.judged_by(one, declared | {"scene": None})
     assert elsewhere == (Coverage.SCENE, CoveredBy.SCENE, ())
     assert certificates.judged_by(one, declared | {"v_max": 1.1}).covered is Coverage.OUTSIDE
-    assert certificates.judged_by(one, {"environment": "X", "scene": "a"}).says
+    assert certificates.judged_by(one, {"environment": "X", "scene": "a"}).reasons
     said = certificates.judged_by(one, declared | {"v_max": 2})
-    assert said.says == ("v_max 2 (tested: 0.5 to 1)",)
+    assert said.reasons == ("v_max 2 (tested: 0.5 to 1)",)
 
 
 def covered(env):
@@ -327,7 +327,7 @@ def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
 
 
 def differs(one, plant, env):
-    return certificates.judged_by(one, certificates.declared(plant, env, None, {})).says
+    return certificates.judged_by(one, certificates.declared(plant, env, None, {})).reasons
 
 
 def test_a_plant_of_ones_own_is_told_by_its_models_numbers_and_its_action_space():

@@ -99,16 +99,16 @@ def test_each_value_outside_of_its_range_is_named_by_itself_and_all_inside_are_c
             for value in beside(expected, declared, rng):
                 judged = judge(declared | {argument: value}, ranges, reason=reason)
                 assert (judged.covered, judged.covered_by) == (Coverage.OUTSIDE, reason), value
-                assert len(judged.says) == 1
-                assert judged.says[0].startswith(f"{argument} ")
-                assert judged.says[0].endswith(f"(tested: {words(expected)})")
+                assert len(judged.reasons) == 1
+                assert judged.reasons[0].startswith(f"{argument} ")
+                assert judged.reasons[0].endswith(f"(tested: {words(expected)})")
             missing = {k: v for k, v in declared.items() if k != argument}
             assert judge(missing, ranges).covered == Coverage.OUTSIDE
         for value in (0.0, None, "as ever"):  # nobody tested what no range tells of
             for tomorrow in ("payload of tomorrow", "payload_derived"):
                 judged = judge(declared | {tomorrow: value}, ranges)
                 assert judged.covered == Coverage.OUTSIDE
-                assert judged.says == (f"{tomorrow} {value!r} (nothing is tested of it)",)
+                assert judged.reasons == (f"{tomorrow} {value!r} (nothing is tested of it)",)
 
 
 def test_one_argument_alone_may_be_left_for_its_wider_range():
@@ -130,12 +130,12 @@ def test_one_argument_alone_may_be_left_for_its_wider_range():
             for other, changed in others.items():
                 judged = judge(one | {other: changed}, ranges, alone)
                 assert judged.covered_by == CoveredBy.ARGUMENT
-                assert judged.says[0].startswith(f"alone {argument} and {other} ")
+                assert judged.reasons[0].startswith(f"alone {argument} and {other} ")
             two = "timestep" if argument != "timestep" else "feedback"
             both = one | {two: {"timestep": 0.004, "feedback": "rom"}[two]}
             assert judge(both, ranges, alone).covered == Coverage.OUTSIDE
             for value in beside(expected, nominal, rng):
-                assert judge(nominal | {argument: value}, ranges, alone).says
+                assert judge(nominal | {argument: value}, ranges, alone).reasons
 
 
 class Mass(gym.Env):

@@ -14,7 +14,7 @@ from hcbf_gym import certificates, loading, version
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError, SafetyWarning
-from hcbf_gym.evaluation import chunks, own_environment
+from hcbf_gym.evaluation import jobs, own_environment
 from hcbf_gym.evaluation.certification import (
     calibration,
     certify,
@@ -26,6 +26,7 @@ from hcbf_gym.evaluation.certification import (
 )
 from hcbf_gym.evaluation.certification.command import PLANTS
 from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily, Seen
+from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_gym.policies import learned
 from hcbf_gym.robots.walker import Walker
@@ -161,7 +162,7 @@ FROZEN = certify.Frozen("boat", OwnFamily(BOAT, steps=40), Uncertainty(), (), 0.
 
 
 def boat(folder, at_most=None, frozen=FROZEN):
-    runs = chunks.Runs(folder, workers=1, quiet=True)
+    runs = Runs(folder, workers=1, quiet=True)
     return certify.certify(frozen, runs, at_most)
 
 
@@ -174,7 +175,7 @@ def whole(tmp_path_factory):
 def test_it_is_the_same_however_it_was_stopped_or_killed(tmp_path, whole):
     with pytest.raises(RefusedError, match="0 of 10 entered"):
         boat(tmp_path, at_most=10)
-    next(iter(tmp_path.glob("*.chunk"))).unlink()  # one was lost
+    next(iter(tmp_path.glob("*.job"))).unlink()  # one was lost
     assert boat(tmp_path) == whole
     assert whole.e_value >= 1000.0
     text = page.page(whole)
@@ -182,18 +183,19 @@ def test_it_is_the_same_however_it_was_stopped_or_killed(tmp_path, whole):
     assert f"≤ {whole.bound:.3g}" in text
 
 
-def test_chunks_of_several_machines_in_one_folder_are_those_of_one(tmp_path, whole, monkeypatch):
+def test_episodes_of_several_machines_in_one_folder_are_those_of_one(tmp_path, whole, monkeypatch):
     together = tmp_path / "together"
     together.mkdir()
-    for first, end in ((13, whole.episodes), (0, 7)):  # whole blocks run
-        runs = chunks.Runs(tmp_path / f"from {first}", workers=1, quiet=True)
+    for first, end in ((13, whole.episodes), (0, 13)):
+        runs = Runs(tmp_path / f"from {first}", workers=1, quiet=True)
         assert len(list(certify.in_order(FROZEN, runs, range(first, end)))) == end - first
-        for chunk in runs.folder.iterdir():
-            chunk.rename(together / chunk.name)
-    kept = {chunk.name for chunk in together.iterdir()}
+        for file in runs.folder.iterdir():
+            file.rename(together / file.name)
+    kept = {file.name for file in together.iterdir()}
     assert boat(together) == whole
-    assert {chunk.name for chunk in together.iterdir()} == kept  # nothing ran again
-    monkeypatch.setattr(chunks, "versions", lambda: {"hcbf-gym": whole.version, "numpy": "1"})
+    assert {file.name for file in together.iterdir()} == kept  # nothing ran again
+    for module in (jobs, certify):
+        monkeypatch.setattr(module, "versions", lambda: {"hcbf-gym": whole.version, "numpy": "1"})
     assert boat(together, frozen=FROZEN) == replace(whole, versions={"numpy": "1"})
     assert len(list(together.iterdir())) == 2 * len(kept)  # another version is other work
 
@@ -206,7 +208,7 @@ def test_a_try_of_several_spends_less_on_seeds_of_its_own():
 
 
 def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
-    runs = chunks.Runs(None, workers=1, quiet=True)
+    runs = Runs(None, workers=1, quiet=True)
     checked = check.check(whole, 5, 0, runs)
     assert (checked.episodes, checked.differs, checked.elsewhere) == (BLOCK, (), ())
     first = whole.blocks[0]
@@ -255,7 +257,7 @@ def test_every_file_says_of_plant_words_and_family_what_is_derived_today(file):
 def test_a_file_of_before_cannot_be_repeated():
     old = replace(certificates.load("regions"), shown=None, blocks=())
     with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):
-        check.check(old, 10, 0, chunks.Runs(None, workers=1, quiet=True))
+        check.check(old, 10, 0, Runs(None, workers=1, quiet=True))
 
 
 DRIFTING = """
@@ -363,7 +365,7 @@ def test_episodes_of_other_data_are_not_taken_wherever_a_plant_reads_them(place,
             forget()  # as in a new process
         file.write_text(lag)
         frozen = asked(tmp_path, text, steps=40)
-        runs = chunks.Runs(tmp_path / folder, workers=1, quiet=True)
+        runs = Runs(tmp_path / folder, workers=1, quiet=True)
         return list(certify.in_order(frozen, runs, range(20)))
 
     slow = seen("0.05", "kept")
@@ -438,7 +440,7 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
     with pytest.raises(RefusedError, match="name: 'boat', expected 'other'"):
         run("--check", str(file.with_name("other.json")), "--episodes", "1")
     settings = json.loads((tmp_path / "boat" / "settings.json").read_text())
-    assert settings["versions"] == chunks.versions()  # others are another study
+    assert settings["versions"] == versions()  # others are another study
 
 
 @pytest.mark.parametrize(

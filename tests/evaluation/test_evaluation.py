@@ -12,8 +12,8 @@ import pytest
 
 from hcbf_gym import cli, programs
 from hcbf_gym.errors import HcbfError
-from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.command import column_names
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
 from hcbf_gym.evaluation.sentences import SPEED, sentences
 from hcbf_gym.programs import FilterStatus

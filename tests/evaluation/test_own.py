@@ -10,11 +10,11 @@ from by_hand import by_hand
 from matplotlib.figure import Figure
 from needs import remedy
 
-from hcbf_gym import barriers, cli, sources, wrappers
+from hcbf_gym import barriers, cli, wrappers
 from hcbf_gym.drawing import scene_plot
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import episode_plot, own_environment
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import rollout
 from hcbf_gym.evaluation.rollouts import Case, evaluate
 
@@ -151,7 +151,6 @@ def test_a_folder_that_holds_another_run_is_not_overwritten_unasked(own, tmp_pat
     assert (tmp_path / "out" / "summary.json").read_bytes() == before
     with open(own, "a", encoding="utf-8") as file:
         file.write("\n# another policy\n")
-    sources._digest.cache_clear()  # a process of its own would read the file anew
     with pytest.raises(SystemExit, match="files"):
         evaluated(tmp_path / "out", *first)
     found = evaluated(tmp_path / "out", *first, "--seed", 1, "--overwrite")

@@ -13,7 +13,7 @@ from hcbf_gym.arguments import check
 from hcbf_gym.cli import commands
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.jobs import Runs, in_order, key
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.scenarios import BoxObstacle
@@ -30,7 +30,7 @@ def rom_job(gamma0, seed=0):
 
 def ran(folder, workers, jobs):
     """Return the episodes of jobs, which a folder keeps."""
-    return chunks.in_order(chunks.Runs(folder, workers).over(Job.run, jobs))
+    return in_order(Runs(folder, workers).over(Job.run, jobs))
 
 
 def assert_same(first, second):
@@ -148,9 +148,9 @@ def test_no_two_episodes_share_a_key():
         Job(Case(case.env, case.scenario, "pd", "r-cbf-qp", case.options)),
         Job(Case(case.env, case.scenario, "pd", case.program, case.options, {"feedback": "rom"})),
     ]
-    keys = {chunks._key("", [job]) for job in jobs}
+    keys = {key("", [job]) for job in jobs}
     assert len(keys) == len(jobs)
-    assert chunks._key("", [rom_job(1.0)]) in keys
+    assert key("", [rom_job(1.0)]) in keys
 
 
 def test_a_folder_opens_for_its_own_study_and_no_other(tmp_path):

@@ -211,11 +211,7 @@ def recorded(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -
 
 
 def _check_standing(seen: Sequence[Seen]) -> None:
-    """Refuse a plant that falls, or that the filter's own monitor takes for another one.
-
-    Raises:
-        RefusedError: if that is so in more than half of the episodes.
-    """
+    """Refuse a plant that falls, or that the filter's own monitor takes for another one."""
     falls = sum(s.fell for s in seen)
     if 2 * falls > len(seen):
         raise RefusedError(
@@ -242,11 +238,7 @@ def shown(seen: Sequence[Seen]) -> Shown:
 
 
 def _check_stake(seen: Sequence[Seen]) -> None:
-    """Refuse episodes of which too few put rank 1 to the test, and warn where they may be too few.
-
-    Raises:
-        RefusedError: if they are too few by two standard deviations; by one is warned of.
-    """
+    """Refuse episodes of which too few put rank 1 to the test, and warn where they may be too few."""
     found, deviation = shown(seen), 0.5 * np.sqrt(len(seen))
     why = vacuous(found, len(seen))
     short = PRESSED * len(seen) - found.pressed
@@ -258,11 +250,7 @@ def _check_stake(seen: Sequence[Seen]) -> None:
 
 
 def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> None:
-    """Refuse margins that reach the starts of most episodes, or take half of the speed.
-
-    Raises:
-        RefusedError: if they do.
-    """
+    """Refuse margins that reach the starts of most episodes, or take half of the speed."""
     room = float(np.median([s.first_h for s in seen]))
     if margins.distance >= room:
         raise RefusedError(

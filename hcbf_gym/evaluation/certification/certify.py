@@ -20,10 +20,10 @@ from hcbf_gym.certificates.declared import UNHASHABLE
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.certificates.sequential import Tally
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, finite_float
-from hcbf_gym.evaluation import chunks, own_environment
+from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.certification import calibration, families, own
 from hcbf_gym.evaluation.certification.families import Family, Seen, run_searched, run_seed
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 from hcbf_gym.models.plant import Plant, Uncertainty
 from hcbf_gym.sources import PACKAGE
 
@@ -87,13 +87,13 @@ def calibrated(
 
     def run(margins: Uncertainty, seeds: Sequence[int], title: str) -> list[Seen]:
         job = functools.partial(run_seed, family, margins)
-        return chunks.in_order(over(runs, family, job, seeds, title))
+        return in_order(over(runs, family, job, seeds, title))
 
     def attack(
         margins: Uncertainty, tried: Sequence[tuple[int, tuple[float, ...]]], title: str
     ) -> list[Seen]:
         job = functools.partial(run_searched, family, margins)
-        return chunks.in_order(over(runs, family, job, tried, title, 3))
+        return in_order(over(runs, family, job, tried, title))
 
     caps = getattr(family, "caps", None)
     return calibration.calibrate(
@@ -113,9 +113,8 @@ def over(
     job: Callable[[Any], Seen],
     jobs: Sequence[Any],
     title: str,
-    size: int = BLOCK,
 ) -> Iterator[tuple[int, Seen]]:
-    """Yield (number, what it showed) of a family's episodes; one of each saved chunk runs again.
+    """Yield (number, what it showed) of a family's episodes; some of the saved ones run again.
 
     Args:
         runs: how they run.
@@ -123,9 +122,8 @@ def over(
         job: runs an episode.
         jobs: what it is called with.
         title: of a bar.
-        size: episodes in a chunk.
     """
-    return runs.over(job, jobs, title, family.files, size, _identity(family), repeat=True)
+    return runs.over(job, jobs, title, family.files, _identity(family), repeat=True)
 
 
 def _identity(family: Family) -> str:
@@ -192,7 +190,7 @@ class Frozen:
                 f"{self.name}: no certificate could cover it: its function returns {why}, expected "
                 "the same plant at every call; make in `reset` what only an episode needs"
             )
-        versions = chunks.versions()
+        versions = versions()
         return {
             "name": self.name,
             "plant": self.family.certifies(both[0]),
@@ -307,24 +305,19 @@ def so_far(tally: Tally) -> str:
 def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
     """Yield what some of a certificate's episodes show, in their order.
 
-    Blocks run whole, so that chunks of several machines are those of one.
-
     Args:
         frozen: as `certify` takes it.
         runs: how they run.
         numbers: of the episodes, from 0.
     """
     job = functools.partial(run_seed, frozen.family, frozen.margins)
-    first, end = BLOCK * (numbers.start // BLOCK), BLOCK * -(-numbers.stop // BLOCK)
-    seeds = range(frozen.first_seed + first, frozen.first_seed + end)
+    seeds = [frozen.first_seed + number for number in numbers]
     early: dict[int, Seen] = {}
-    following = first
+    following = 0
     for number, one in over(runs, frozen.family, job, seeds, "certificate"):
-        early[first + number] = one
+        early[number] = one
         while following in early:
-            found = early.pop(following)
-            if following in numbers:
-                yield found
+            yield early.pop(following)
             following += 1
 
 

@@ -11,10 +11,9 @@ from hcbf_gym import records
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
 from hcbf_gym.errors import HcbfError, InvalidInputError
-from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.certification import calibration, certify, families
 from hcbf_gym.evaluation.certification.families import Family, Seen, run_seed
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 
 SAME = 1e-6
 """By how much a least h may differ [unit of h]."""
@@ -68,7 +67,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
     ]
     job = functools.partial(run_seed, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    seen: list[Seen] = chunks.in_order(certify.over(runs, family, job, jobs, "check"))
+    seen: list[Seen] = in_order(certify.over(runs, family, job, jobs, "check"))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):
@@ -152,7 +151,7 @@ def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[st
 
 def _elsewhere(c: Certificate) -> list[str]:
     """Return in what a certificate was computed otherwise than here."""
-    here, there = chunks.versions(), {"hcbf-gym": c.version} | dict(c.versions)
+    here, there = versions(), {"hcbf-gym": c.version} | dict(c.versions)
     return [
         f"{name} {there.get(name)} (here {here.get(name)})"
         for name in sorted({*here, *there})

@@ -22,12 +22,12 @@ from hcbf_gym.arguments import Count, Folder, Positive, Range, Seed, Workers
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import MOST, HcbfError, InvalidInputError, RefusedError, choose
-from hcbf_gym.evaluation import attacks, chunks
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.certification import calibration, certify, check, families, page
 from hcbf_gym.evaluation.certification.check import SAFER
 from hcbf_gym.evaluation.certification.families import Family, OwnFamily, SceneFamily
 from hcbf_gym.evaluation.certification.mixture import A1Mixture
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_text
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.models.plant import Uncertainty
@@ -65,8 +65,8 @@ class Args:
     """Where a plant may be tried again: which try this is, from 1, each with fresh episodes. The
     n-th spends 2⁻ⁿ of the doubt; 0 is the only try that there will be, and spends it all."""
     part: tuple[Episode, Episode] | None = None
-    """First episode, from 0, and the one after the last, that this machine runs in whole tens. Put
-    the chunks of all machines into one folder, and run the command without --part."""
+    """First episode, from 0, and the one after the last, that this machine runs. Put the episodes
+    of all machines into one folder, and run the command without --part."""
     episodes: Count = 50
     """Of --check: how many are repeated; all of them repeat the calibration, too."""
     calibration: Annotated[int, Range(0, MOST)] = 200
@@ -95,7 +95,7 @@ class Args:
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Folder | None = None
-    """Folder of the chunks and of the certificate; results/certify/NAME if not given."""
+    """Folder of the episodes and of the certificate; results/certify/NAME if not given."""
 
 
 def main(args: Args) -> None:
@@ -118,12 +118,12 @@ def main(args: Args) -> None:
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
-        "calibration": args.calibration, "versions": chunks.versions(),
+        "calibration": args.calibration, "versions": versions(),
     }  # fmt: skip
     check_folder(folder, records.plain(settings))
     _try(family, args.seed)
     open_folder(folder, records.plain(settings))
-    runs = replace(runs, folder=folder / "chunks")
+    runs = replace(runs, folder=folder / "episodes")
     frozen = certify.Frozen(
         name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
     )
@@ -137,12 +137,12 @@ def main(args: Args) -> None:
     file = folder / f"{name}.json"
     certificate.save(file)
     write_text(file.with_suffix(".md"), page.page(certificate))
-    console.print(certificate.says, soft_wrap=True)
+    console.print(certificate.summary, soft_wrap=True)
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
 
 
 def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
-    """Run a range of the episodes, whose chunks stay."""
+    """Run a range of the episodes, which stay in the folder."""
     seen = list(certify.in_order(frozen, runs, range(*part)))
     entered = sum(one.entered for one in seen)
     console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
@@ -195,12 +195,7 @@ def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
 
 
 def _try(family: Family, seed: int) -> None:
-    """Refuse what is the user's own and fails in the first steps of a family's episodes.
-
-    Raises:
-        HcbfError: as `policies.try_out` does.
-        InvalidInputError: if an environment, a plant or an attack raises an error.
-    """
+    """Refuse what is the user's own and fails in the first steps of a family's episodes."""
     if not isinstance(family, SceneFamily | OwnFamily):
         return
     for name, _ in family.policies:
@@ -266,11 +261,7 @@ def _margins(
 
 
 def _check(args: Args, runs: Runs, console: Console) -> None:
-    """Repeat a part of a certificate; what was kept would be no repetition.
-
-    Raises:
-        RefusedError: if it is not the same.
-    """
+    """Repeat a part of a certificate; what was kept would be no repetition."""
     assert args.check is not None
     file = certificates.file_of(args.check)
     certificate = Certificate.load(file)
@@ -283,7 +274,7 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
     if differs:
         raise RefusedError(f"check: {certificate.name!r} is not what it says: {'; '.join(differs)}")
     console.print(
-        f"{certificate.says}; {checked.episodes} of them repeated, with the same entries and least "
+        f"{certificate.summary}; {checked.episodes} of them repeated, with the same entries and least "
         f"h {checked.least_h:+.6g}",
         soft_wrap=True,
     )

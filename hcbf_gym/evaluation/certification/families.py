@@ -336,11 +336,7 @@ def from_dict(data: Mapping[str, object]) -> Family:
 
 
 def _shares(what: str, given: Sequence[Sequence[Any]]) -> Shares:
-    """Return names with their shares, which sum to 1.
-
-    Raises:
-        InvalidInputError: if there is no name, or a weight that is not positive.
-    """
+    """Return names with their shares, which sum to 1."""
     pairs = [(str(name), finite_float(f"{what}: {name}", w, minimum=0.0)) for name, w in given]
     total = sum(weight for _, weight in pairs)
     if total <= 0.0:

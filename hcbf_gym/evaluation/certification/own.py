@@ -176,15 +176,7 @@ class Foresight:
 
 
 def _truth(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Truth:
-    """Return what a plant's readers say, and the infos' min_h where that is less.
-
-    Args:
-        plant: whose readers are asked.
-        env: unwrapped.
-        sample: the newest.
-        counted: the time where the plant tells none [s].
-        placing: since when shapes count in this episode.
-    """
+    """Return what a plant's readers say, and the infos' min_h where that is less."""
     said = reading(plant, env, sample, counted, placing)
     rank = np.array([condition.rank for condition in said.conditions], dtype=np.int64)
     if not ((rank == 1) & said.reads_position).any():

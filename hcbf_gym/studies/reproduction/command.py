@@ -22,7 +22,7 @@ from rich.table import Table
 import hcbf_gym
 from hcbf_gym.arguments import Folder, Workers
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.reproduction import FIGURES, OF_ROM

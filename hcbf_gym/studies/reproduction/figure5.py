@@ -13,8 +13,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.envs.a1_plant import FASTEST
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
-from hcbf_gym.evaluation import chunks
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case, Job
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.studies.reproduction import plots
@@ -86,7 +85,7 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
     """Draw the A1's panels, and its paths beside those of the reduced-order model."""
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
-    a1 = of_episodes(chunks.in_order(runs.over(Job.run, jobs, "fig 5, A1")))
+    a1 = of_episodes(in_order(runs.over(Job.run, jobs, "fig 5, A1")))
     samples = None if quick else _a1_samples(runs)
     plots.fig5_panels(a1, GAMMAS, None, samples).savefig(folder / "fig5-a1.png")
     plots.fig5e_paths(SCENE, rom, a1, GAMMAS).savefig(folder / "fig5e-paths.png")
@@ -98,7 +97,7 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
     times = (2.0, 5.0, 8.0, 12.0)
     try:
         shots = runs.over(partial(film, times=times), [jobs[0], jobs[3]], "fig 5e, pictures")
-        films = chunks.in_order(shots)
+        films = in_order(shots)
     except RenderingError as error:
         return result | {"frames": str(error)}
     plots.frames(("R", "H"), films, times).savefig(folder / "fig5e-frames.png")
@@ -160,7 +159,7 @@ def _a1_samples(runs: Runs) -> Samples:
     problem = Problem("HCBF-A1Regions-v0", _a1_scene(), options={"margin": A1_MARGIN})
     pairs = [(gamma0, delta_gamma) for gamma0 in _GRID[0] for delta_gamma in _GRID[1]]
     jobs = [Job(problem.case(*pair)) for pair in pairs]
-    episodes = chunks.in_order(runs.over(Job.run, jobs, "fig 5d, A1"))
+    episodes = in_order(runs.over(Job.run, jobs, "fig 5d, A1"))
     costs = np.array([problem.cost_of(episode) for episode in episodes])
     gamma0, delta_gamma = np.array(pairs).T
     return Samples(gamma0, delta_gamma, costs)

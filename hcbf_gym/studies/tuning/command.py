@@ -19,7 +19,7 @@ from rich.table import Table
 
 from hcbf_gym.arguments import Amount, Count, Folder, Seed, Workers
 from hcbf_gym.errors import InvalidInputError, require
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.studies.tuning import Cost, Normal, Problem, Samples, TuningStudy
@@ -103,11 +103,7 @@ def main(args: Args) -> None:
 
 
 def _check_url(url: str) -> None:
-    """Refuse what is no URL of a database, before anything is computed.
-
-    Raises:
-        InvalidInputError: if it is none, or nothing here reads it.
-    """
+    """Refuse what is no URL of a database, before anything is computed."""
     if url.startswith("redis"):  # which Optuna reads itself
         return
     try:
@@ -125,11 +121,7 @@ def _no_storage(url: str, error: Exception) -> InvalidInputError:
 
 
 def _database(url: str) -> Any:
-    """Return the storage at a URL.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return the storage at a URL."""
     try:
         return optuna.storages.get_storage(url)
     except Exception as error:  # of Optuna, SQLAlchemy or a database's driver

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from hcbf_gym import programs, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.environments import ENVIRONMENTS
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.rollouts import Case, Episode
 from hcbf_gym.studies.tuning.cost import Cost, relaxation
 from hcbf_gym.studies.tuning.simulate import check_weights, simulate

@@ -21,7 +21,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation.chunks import Runs, in_order
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.studies.tuning.draws import Normal
 from hcbf_gym.studies.tuning.problem import Problem
 
