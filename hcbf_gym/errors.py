@@ -1,4 +1,4 @@
-"""One family of errors; a message says what is wrong, what was expected and the choices."""
+"""One family of errors; a message states what is wrong, what was expected and the choices."""
 
 import contextlib
 import importlib.util

@@ -5,7 +5,7 @@ Of n episodes k have entered. With :math:`q = ε/5`,
 .. math:: e_n(ε) = (q/ε)^k \left(\frac{1 − q}{1 − ε}\right)^{n − k}
 
 is the wealth from a stake of 1 in a bet on the chance q at the odds of ε. Where each episode enters
-with a chance of at least ε, whatever came before, the wealth is a supermartingale, so that it *ever*
+with a chance of at least ε, whatever came before, the wealth is a supermartingale, so that it ever
 reaches 1/β with a probability of at most β (Ville). As e grows with ε, the least ε at which it has
 reached 1/β bounds the chance at every n at once: one may inspect it, stop and continue.
 
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 BET = 5.0
-"""ε/q: the wager is best where episodes enter so many times less often than the bound says."""
+"""ε/q: the wager is best where episodes enter so many times less often than the bound."""
 NEVER = 2.0
 """Above ε over this, e falls on average, and no number of episodes reaches 1/β."""
 DOUBT = 1e-3

@@ -1,4 +1,4 @@
-"""One attacked episode, and what it says of the promise that rank 1 is never entered."""
+"""One attacked episode, and whether rank 1 was entered in it."""
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -74,7 +74,7 @@ class AttackedEpisode:
         """Run the episode in a filtered environment, with what its estimator and its body did."""
         inner: Any = env.unwrapped
         act = policy_of(self.attack, env, self.seed, self.parameters)
-        errors: list[_Error] = []
+        errors: list[tuple[float, float]] = []
         reaches = [0.0]
 
         def observed() -> Iterator[Sample]:
@@ -97,13 +97,7 @@ class AttackedEpisode:
 def policy_of(
     name: str, env: gym.Env, seed: int, parameters: tuple[float, ...] | None = None
 ) -> Act:
-    """Return (observation, info) → u* (2,) [m/s²] of an attack or of a policy.
-
-    Args:
-        name: what `attacks.make` takes, or a policy's.
-        env: under its filter; attacks see its truth.
-        seed: of an attack.
-        parameters: of an attack that has some.
+    """Return (observation, info) → u* (2,) [m/s²] of a policy or of an attack on the truth.
 
     Raises:
         UnknownNameError: if there is neither an attack nor a policy of that name.
@@ -124,8 +118,8 @@ class Outcome:
         least_second_h: of the barriers of priority 2 [m].
         least_body_h: of the strict barriers for the robot's body [m]; infinite for a point.
         first_h: least h of the strict barriers on the position at the reset [m].
-        fell: whether the robot fell, where its environment says so.
-        reached: whether it reached the goal, likewise.
+        fell: whether the robot fell, as far as its environment reports it.
+        reached: whether it reached the goal, in the same sense.
         seconds: how long it took [s].
         steps: how many it took.
         qp_failures: task-space QPs without a solution.
@@ -134,7 +128,7 @@ class Outcome:
         changed: whether the filter changed u.
         pressed: whether the filter had to change an input that would have entered.
         alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
-        warned: whether the filter said that the environment does not apply what it chose.
+        warned: whether the filter warned that the environment does not apply its input.
         reach: the greatest horizontal distance of the body from the trunk's centre [m].
         position_error: root mean square of the estimated position's error [m]; None where the
             state is known.
@@ -173,7 +167,7 @@ class Truth(NamedTuple):
         h: least h of the strict conditions on the position since the sample before, where less is
             reported than now holds.
         speed_h: of the other strict conditions; infinite where there are none.
-        second_h: of those of priority 2, likewise.
+        second_h: of those of priority 2, or infinite.
         position: (m,) which conditions are strict and read the position.
         along: (x (j, n), t (j,)) → (j, k) the h's of those elsewhere.
     """
@@ -227,7 +221,7 @@ def judge(
     model: ReducedOrderModel,
     input_set: InputSet,
 ) -> Outcome:
-    """Return what the truth and the filter's reports say of an episode.
+    """Return what the truth and the filter's reports show of an episode.
 
     Args:
         observed: its samples, from the reset on.
@@ -280,7 +274,7 @@ def _body_h(sample: Sample, now: Truth) -> float:
 
 
 def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
-    """Return a plant whose rows reserve other margins; its body stays as large as it is."""
+    """Return a plant whose rows reserve other margins, but for its body's."""
     return replace(plant, uncertainty=uncertainty._replace(body=plant.uncertainty.body))
 
 
@@ -290,21 +284,15 @@ def alarm_of(info: Info) -> int:
     return reason if reason >= FIRST_ALARM else 0
 
 
-class _Error(NamedTuple):
-    """Of an estimate at one instant: the squared error of the position [m²], and the NEES."""
-
-    position: float
-    nees: float
-
-
-def _error(env: Any) -> _Error:
+def _error(env: Any) -> tuple[float, float]:
+    """Return the squared error of an estimated position [m²], and the NEES."""
     estimate = env.estimate
     error = estimate.model + estimate.lag - env.truth  # the body's estimate beside the body
     nees = error @ np.linalg.solve(estimate.covariance, error)
-    return _Error(float(error[:2] @ error[:2]), float(nees))
+    return float(error[:2] @ error[:2]), float(nees)
 
 
-def _consistency(errors: Sequence[_Error]) -> dict[str, Any]:
+def _consistency(errors: Sequence[tuple[float, float]]) -> dict[str, Any]:
     """Return the fields of an outcome about an estimator; none where there was none."""
     if not errors:
         return {}

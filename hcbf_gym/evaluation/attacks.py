@@ -1,7 +1,7 @@
 """Policies that try to push the robot into a strict region with the full input.
 
-One of your own is an `Attack`, or any function s → u*, and goes by ``module:name`` or
-``file.py:name`` wherever the name of an attack is asked for; so every process finds it.
+One of your own is an `Attack`, or any function s → u*, named ``module:name`` or ``file.py:name``
+wherever an attack is named; so every process finds it.
 
 >>> class Spiral(Attack):
 ...     def act(self, s: Surroundings) -> Array:
@@ -64,7 +64,7 @@ class View(Protocol):
             nearest: weight of the least strict h; a negative one moves away.
             second: weight of the second least.
             sideways: weight of a chase along the edge, where the plant moves in a plane.
-            speed: that is chased there, to the left of the way to the nearest [m/s].
+            speed: that is chased there, to the left of the direction to the nearest [m/s].
         """
         ...
 
@@ -104,7 +104,7 @@ class Surroundings:
     def push(
         self, nearest: float, second: float = 0.0, sideways: float = 0.0, speed: float = 0.0
     ) -> Array:
-        """Return the full input (2,) into the regions, as `View.push` says."""
+        """Return the full input (2,) into the regions, see `View.push`."""
         press = -(nearest * self.normal[0] + second * self.second)
         along = _left(self.normal[0])
         chase = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
@@ -147,11 +147,7 @@ def _left(normal: Array) -> Array:
 
 @dataclass
 class Attack:
-    """One hostile policy: what it wants given what it sees.
-
-    Args:
-        rng: decides what is random about it.
-    """
+    """One hostile policy; `rng` decides what is random about it."""
 
     rng: np.random.Generator
     until: float = field(default=-1.0, init=False)
@@ -189,11 +185,8 @@ class Wandering(Attack):
 
     def act(self, s: View) -> Array:
         """Return a random mixture of the corners."""
-
-        def pick() -> Array:
-            return self.rng.dirichlet(np.ones(len(s.corners))) @ s.corners
-
-        return self.draw(s, 0.2, 1.0, pick)
+        ones = np.ones(len(s.corners))
+        return self.draw(s, 0.2, 1.0, lambda: self.rng.dirichlet(ones) @ s.corners)
 
 
 class Rotating(Attack):
@@ -263,15 +256,8 @@ class Searched(Attack):
         second, sideways, period, jitter, speed, back = self.parameters
         length = 0.1 + 1.9 * period
         low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
-        sign, away = self.draw(
-            s,
-            low,
-            high,
-            lambda: (
-                -self.choice[0] if self.choice is not None else 1.0,
-                self.rng.random() < 0.6 * back,
-            ),
-        )
+        turned = -self.choice[0] if self.choice is not None else 1.0
+        sign, away = self.draw(s, low, high, lambda: (turned, self.rng.random() < 0.6 * back))
         press = -1.0 if away else 1.0
         return s.push(press, press * second, sideways, 2.0 * speed * sign)
 
@@ -321,18 +307,14 @@ class Trained(Attack):
 
 
 class Called(Attack):
-    """A function s → u* (2,) as an attack.
-
-    Args:
-        function: what it calls.
-    """
+    """A function s → u* (2,) as an attack."""
 
     def __init__(self, function: Callable[[Surroundings], Any]):
         super().__init__(np.random.default_rng(0))
         self._function = function
 
     def act(self, s: Surroundings) -> Array:
-        """Return what the function wants."""
+        """Return what the function returns."""
         return finite_array("attack", self._function(s), (2,))
 
 
@@ -354,7 +336,7 @@ ON_ANY_MODEL: dict[str, type[Attack]] = {
     "bang-bang": BangBang,
     "wandering": Wandering,
 }
-"""name → policy that asks for nothing but a `View`."""
+"""name → policy that needs a `View` alone."""
 
 
 def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:
@@ -367,8 +349,7 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
         parameters: of `Searched`, or other ones of `Trained`.
 
     Raises:
-        UnknownNameError: if there is no such attack.
-        InvalidInputError: if a module does not have what is named.
+        InvalidInputError: if there is no such attack.
     """
     rng = np.random.default_rng([STREAM, seed])
     if parameters is not None:

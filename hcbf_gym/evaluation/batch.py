@@ -23,10 +23,10 @@ class BatchEpisodes(NamedTuple):
         tracking_error: (k + 1, N) ‖p_ref − p‖ [m].
         reward: (k, N), zero after an episode's end.
         intervention: (k, N) ‖u − u*‖ [m/s²]; zero after an episode's end and without a filter.
-        delta: (k, N, m) the program's own relaxation [m/s²], likewise.
-        deadlock: (k, N) whether the robot stood though u* asked it to move, likewise.
+        delta: (k, N, m) the program's own relaxation [m/s²], zero in the same places.
+        deadlock: (k, N) whether the robot stood though u* requested motion.
         running: (k, N) whether the step belongs to the episode.
-        terminated: (N,) whether the episode ended by itself: in a "reach" scene, at the goal.
+        terminated: (N,) whether the episode terminated: in a "reach" scene, at the goal.
     """
 
     time: Array
@@ -101,16 +101,8 @@ def rollout_batch(
         terminated_itself |= alive & terminated
         alive &= ~(terminated | truncated)
     env.close()
+    time = CONTROL_DT * np.arange(len(h), dtype=np.float64)
+    steps = (np.array(part) for part in (reward, intervention, delta, deadlock, running))
     return BatchEpisodes(
-        time=CONTROL_DT * np.arange(len(h), dtype=np.float64),
-        position=np.array(position),
-        h=np.array(h),
-        min_h=least,
-        tracking_error=np.array(error),
-        reward=np.array(reward),
-        intervention=np.array(intervention),
-        delta=np.array(delta),
-        deadlock=np.array(deadlock),
-        running=np.array(running),
-        terminated=terminated_itself,
+        time, np.array(position), np.array(h), least, np.array(error), *steps, terminated_itself
     )

@@ -7,7 +7,7 @@ A policy of your own is a function (observation, info) → action as FILE.py:FUN
 MODULE:FUNCTION, a zip of Stable-Baselines3, an ONNX network, or a torch module (.pt). Zips and .pt
 files hold pickles, which run code when they are read: take them from those whom you trust.
 
-The same command goes on where it was interrupted.
+The same command resumes an interrupted run.
 """
 
 import itertools
@@ -59,15 +59,15 @@ from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.programs.qp import check_solver
 from hcbf_gym.sources import sources_hash
 
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 OUTPUT = Path("results/evaluate")
 FEW = 10
 """Of fewer episodes the table gives no bound on entering: it would be near 1 anyway."""
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
 OWN_STEPS = 500
-"""The most that an episode of an environment of one's own takes, unless it is said."""
+"""The most that an episode of a user's environment takes by default."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Args:
     gamma0: Amount | None = None
     """Weight γ₀ of all programs that take one [default: r 0.05, h 5.0]."""
     delta_gamma: Amount | None = None
-    """Slope Δγ of the weight, likewise [default: h 1.3]."""
+    """Slope Δγ of their weights [default: h 1.3]."""
     margin: Amount | None = None
     """What strict rows reserve between h and zero [m; default: the environment's]."""
     solver: str | None = None
@@ -161,7 +161,7 @@ def main(args: Args) -> None:
     with warned_once():
         _try(args, cases)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CoverageWarning)  # it has just been said
+        warnings.simplefilter("ignore", CoverageWarning)  # it has just been given
         _run(args, cases)
 
 
@@ -210,8 +210,8 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot, output)
     for row, label in zip(rows, labels, strict=True):
-        said = " ".join(sentences(row, names))
-        console.print(f"{label.replace(chr(10), ', ')}: {said}", soft_wrap=True, highlight=False)
+        text = f"{label.replace(chr(10), ', ')}: {' '.join(sentences(row, names))}"
+        console.print(text, soft_wrap=True, highlight=False)
     console.print(f"written to {output}: {', '.join([records.SETTINGS, *written])}", soft_wrap=True)
 
 
@@ -242,7 +242,7 @@ def _check(args: Args) -> None:
         given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
         if given:
             raise InvalidInputError(
-                f"evaluate: got {', '.join(given)} with {args.env}, whose plant says all that"
+                f"evaluate: got {', '.join(given)} with {args.env}, whose plant decides all that"
             )
         for policy in args.policy:
             if not policies.is_own(policy):

@@ -30,11 +30,7 @@ ENVIRONMENTS: dict[str, Known] = {}
 
 
 def register(env: str, known: Known) -> None:
-    """Let `hcbf evaluate` and others take an environment of Gymnasium's registry.
-
-    Args:
-        env: its id; it takes `scenario` and `render_mode`.
-        known: of it.
+    """Add an environment of Gymnasium's registry, which takes `scenario` and `render_mode`.
 
     Raises:
         InvalidInputError: if the id is taken.

@@ -55,14 +55,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
-    """Return the paths in the scene, seen from above.
+    """Return the paths in the scene that all episodes share, seen from above.
 
     Regions that move are filled where they are at the start, and outlined where they are later; a
-    dot on each path is where the robot is then.
-
-    Args:
-        scenario: the scene that all episodes share.
-        episodes: programs differ in colour, policies in style.
+    dot on each path is where the robot is then. Programs differ in colour, policies in style.
     """
     figure = new_figure(6.4, 5.4)
     axes = figure.add_subplot()
@@ -119,11 +115,7 @@ def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[fl
 
 
 def plot_series(episodes: Shown) -> Figure:
-    """Return h_k, the slack of each rank that had some, and the tracking error over time.
-
-    Args:
-        episodes: of one scene.
-    """
+    """Return h_k, the slack of each rank that had some, and the tracking error over time."""
     first = next(iter(episodes.values()))
     ranks = sorted({rank for episode in episodes.values() for rank in _relaxed(episode)})
     rows = len(first.names) + len(ranks) + 1

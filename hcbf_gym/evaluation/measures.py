@@ -7,7 +7,7 @@ from hcbf_gym.models.constants import ASKING, STANDING
 
 
 def deadlocked(velocity: Array, u_nominal: Array, distance: Array, radius: float) -> Mask:
-    """Return when the robot stands, away from its goal, though the policy asks it to move.
+    """Return when the robot stands, away from its goal, though the policy requests motion.
 
     ``‖v‖ < 0.05 m/s, ‖u*‖ > 0.3 m/s², distance > radius``.
 

@@ -1,4 +1,4 @@
-"""An environment and a plant of the user's own: made by their function, read as a filter reads."""
+"""An environment and a plant of the user's own, made by their function."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,10 +35,7 @@ class Made(NamedTuple):
 
 
 def make(source: str) -> Made:
-    """Return a new environment and its plant.
-
-    Args:
-        source: ``module:function`` or ``file.py:function``.
+    """Return a new environment and its plant, from ``module:function`` or ``file.py:function``.
 
     Raises:
         InvalidInputError: if there is no such function, or it returns anything else.
@@ -52,11 +49,7 @@ def make(source: str) -> Made:
 
 
 def identity(source: str) -> str:
-    """Return the identity of the plant that a function makes; "" where each call makes another.
-
-    Args:
-        source: as `make` takes it.
-    """
+    """Return the identity of the plant that a function makes; "" where each call makes another."""
     found = set()
     for made in (make(source), make(source)):
         found.add(identities.of(identified(made.plant, made.env.unwrapped)))
@@ -98,13 +91,13 @@ class Reading(NamedTuple):
 
 
 def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Reading:
-    """Return what a plant's readers say of a sample.
+    """Return what a plant's readers return for a sample.
 
     Args:
-        plant: whose readers are asked.
+        plant: with the readers.
         env: unwrapped.
         sample: the newest.
-        counted: the time where the plant tells none [s].
+        counted: the time where the plant's state has none [s].
         placing: since when shapes count in this episode.
     """
     observation, info = sample.observation, sample.info

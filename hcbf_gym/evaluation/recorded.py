@@ -1,7 +1,7 @@
-"""One episode as it was: what a table counts of it, and what a picture shows."""
+"""One episode as it was recorded, for tables and pictures."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -33,25 +33,25 @@ class Episode:
     Attributes:
         time: (k + 1,) [s].
         state: (k + 1, n) of the reduced-order model.
-        position: (k + 1, 2) [m]; NaN where nothing says where x and y are.
+        position: (k + 1, 2) [m]; NaN where x and y are not known.
         h: (k + 1, m) barrier values at the control times.
         min_h: (k + 1, m) their least values since the control time before, as far as reported.
         tracking_error: (k + 1,) ‖p_ref − p‖ [m]; NaN of an environment without a reference.
         reward: (k,).
-        u_nominal: (k, n_u) what the policy asked for.
+        u_nominal: (k, n_u) of the policy.
         u: (k, n_u) what was applied.
         psi: (k, m) what the filter's rows keep from falling below zero; NaN without a filter.
         slack: (k, m) violation of the filter's rows; zeros without a filter.
         delta: (k, m) the program's own relaxation; zeros without a filter.
         status: (k,) `FilterStatus`; NOMINAL without a filter.
-        deadlock: (k,) whether the robot stood though u* asked it to move; None where the model does
-            not say how fast it is.
+        deadlock: (k,) whether the robot stood though u* requested motion; None where the model has
+            no velocity.
         obstacle_force: (k, n) largest contact force with each box during the step [N].
         names: of the m barriers.
         priority: (m,) of the barriers; 1 is strict.
         fell: whether the robot fell.
         reached: whether the goal was reached: for "track", within the scenario's goal radius at
-            its own end; None where the environment says nothing of it.
+            its own end; None where the environment does not report it.
         task: of the scene, "track" or "reach"; None of an environment of your own.
     """
 
@@ -93,7 +93,7 @@ class Episode:
     def summary(self) -> dict[str, Any]:
         """Return the figures of the episode as plain numbers and lists.
 
-        `status_counts` is what the filter said; `outside_steps` counts the steps during which the
+        `status_counts` is of the filter's report; `outside_steps` counts the steps during which the
         true state was in a strict region.
         """
         error, time = self.tracking_error, self.time
@@ -153,11 +153,10 @@ def rollout(
         plant: of an environment of your own; None takes its filter's.
         steps: the most that the episode takes; None for as many as the environment does.
         positions: x (n,) → (2,) where the robot is [m]; None takes the first two entries of the
-            planar models' states, which are that.
+            planar models' states.
 
     Raises:
-        InvalidInputError: if no plant says what the state and the barriers of the environment are,
-            or no step was taken.
+        InvalidInputError: if the environment has no plant, or no step was taken.
     """
     inner: Any = env.unwrapped
     own = not hasattr(inner, "barrier_set")
@@ -165,7 +164,8 @@ def rollout(
         plant = _plant_of(env)
     observed: list[tuple[_Look, Sample]] = []
     placing = Placing(1)
-    for sample in _limited(env, policy, seed, steps):
+    most = None if steps is None else steps + 1
+    for sample in itertools.islice(samples(env, policy, seed), most):
         if own and plant:
             look = _look_own(plant, env, sample, observed, placing)
         else:
@@ -184,8 +184,8 @@ def rollout(
     u_nominal = np.array([record["u_nominal"] for record in records])
     fell = bool(last.get("fallen", 0.0))
     if own:
-        said = last.get("is_success", last.get("success"))
-        reached = None if said is None else bool(said)
+        success = last.get("is_success", last.get("success"))
+        reached = None if success is None else bool(success)
         stood = None  # only the planar double integrator has a velocity that a filter knows
         if plant is not None and plant.model == DoubleIntegrator():
             stood = np.array([bool(record["deadlock"]) for record in records])
@@ -218,23 +218,15 @@ def rollout(
     )
 
 
-def _limited(env: gym.Env, policy: Policy, seed: int, steps: int | None) -> Iterator[Sample]:
-    walk = samples(env, policy, seed)
-    return walk if steps is None else itertools.islice(walk, steps + 1)
-
-
 def _plant_of(env: gym.Env) -> Plant:
     """Return the plant of the filter around an environment of the user's own."""
     around: Any = env
-    while around is not env.unwrapped:
+    while around is not None:
         if isinstance(getattr(around, "plant", None), Plant):
             return around.plant
-        around = around.env
-    if isinstance(getattr(around, "plant", None), Plant):
-        return around.plant
+        around = getattr(around, "env", None)
     raise InvalidInputError(
-        f"rollout: got {env}, of which no filter says what its state and its barriers are; "
-        "expected plant=Plant(…)"
+        f"rollout: got {env}, whose state and barriers no filter knows; expected plant=Plant(…)"
     )
 
 
@@ -248,22 +240,22 @@ def _look(inner: Any, sample: Sample) -> _Look:
 def _look_own(
     plant: Plant, env: gym.Env, sample: Sample, before: list[Any], placing: Placing
 ) -> _Look:
-    """Return what the plant of a user's environment says."""
+    """Return what the plant of a user's environment shows."""
     counted = len(before) * (plant.period or CONTROL_DT)
-    said = reading(plant, env.unwrapped, sample, counted, placing)
-    if before and len(said.h) != len(before[0][0].h):
+    now = reading(plant, env.unwrapped, sample, counted, placing)
+    if before and len(now.h) != len(before[0][0].h):
         raise InvalidInputError(
-            f"rollout: got {len(said.h)} barriers after {len(before[0][0].h)}, expected their "
+            f"rollout: got {len(now.h)} barriers after {len(before[0][0].h)}, expected their "
             "number to stay"
         )
-    min_h = said.h
+    min_h = now.h
     if "min_h" in sample.info:
-        min_h = np.minimum(said.h, least_reported(sample.info["min_h"], len(said.h)))
-    return _Look(said.time, said.x, said.h, min_h, tuple(said.conditions))
+        min_h = np.minimum(now.h, least_reported(sample.info["min_h"], len(now.h)))
+    return _Look(now.time, now.x, now.h, min_h, tuple(now.conditions))
 
 
 def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, object]:
-    """Return what a filter would report that changes nothing."""
+    """Return the report of a filter that changes nothing."""
     read = None if plant is None else plant.from_action
     u = np.asarray(sample.action if read is None else read(sample.action), dtype=np.float64)
     none = {"slack": np.zeros(m), "delta": np.zeros(m), "psi": np.full(m, np.nan)}
@@ -273,7 +265,7 @@ def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, object
 
 
 def _seen_at(x: Array, plant: Plant | None, positions: Positions | None, own: bool) -> Array:
-    """Return (2,) where a state is seen from above [m]; NaN where nothing says so."""
+    """Return (2,) where a state is seen from above [m]; NaN where that is not known."""
     if positions is not None:
         return np.asarray(positions(x), dtype=np.float64)
     model = None if plant is None else plant.model

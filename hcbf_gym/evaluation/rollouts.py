@@ -62,9 +62,7 @@ class Case:
     def make(self, render_mode: str | None = None, seed: int = 0) -> gym.Env:
         """Return the environment, filtered unless the program is "none".
 
-        Args:
-            render_mode: of an environment of this package.
-            seed: of the scene, where it is random and the cap on its speed is another.
+        The seed draws a random scene whose cap on the speed is replaced.
 
         Raises:
             UnknownNameError: if the environment or program is not registered.
@@ -172,13 +170,10 @@ def evaluate(
 
 
 def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row per (env, scenario, policy, program) over the seeds.
+    """Return one row per (env, scenario, policy, program) over the seeds of labelled summaries.
 
-    `intervals` holds, of what a table gives an interval for, [low, high] of the mean with the
-    confidence `statistics.INTERVAL`; `entered_at_most` the bound on the chance of entering.
-
-    Args:
-        episodes: summaries with their labels.
+    `intervals` holds [low, high] of means with the confidence `statistics.INTERVAL`;
+    `entered_at_most` the bound on the chance of entering.
     """
     keys = ("env", "scenario", "policy", "program")
     groups: dict[tuple, list[Mapping[str, Any]]] = {}

@@ -44,7 +44,7 @@ class Settings:
         gamma0: γ₀, where the program has weights.
         delta_gamma: Δγ, where the program has weights.
         seed: of random scenes and of the episode.
-        goes_on: whether a robot that has arrived goes back, and there again.
+        returns: whether a robot that has arrived goes back, and there again.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -60,7 +60,7 @@ class Settings:
     gamma0: float = 5.0
     delta_gamma: float = 1.3
     seed: int = 0
-    goes_on: bool = True
+    returns: bool = True
 
     def __post_init__(self) -> None:
         if not self.model.endswith(".json"):
@@ -92,15 +92,11 @@ def program_names() -> list[str]:
 
 
 class Human:
-    """A person at the stick: ``u* = k (v_wanted − v)``.
+    """A person at the stick, ``u* = k (v_wanted − v)``, within least and greatest accelerations.
 
     Attributes:
-        velocity: (2,) that the stick asks for [m/s].
+        velocity: (2,) of the stick [m/s].
         target: (2,) where the stick was dragged to, which is walked to instead [m]; or None.
-
-    Args:
-        low: (2,) least acceleration [m/s²].
-        high: (2,) greatest acceleration [m/s²].
     """
 
     def __init__(self, low: Array, high: Array):
@@ -130,7 +126,7 @@ class Arrangement(NamedTuple):
 
 
 def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrangement:
-    """Return what the settings ask for.
+    """Return the environment, filter and policy of the settings.
 
     Args:
         settings: what was chosen.

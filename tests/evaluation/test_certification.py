@@ -179,7 +179,7 @@ def test_it_is_the_same_however_it_was_stopped_or_killed(tmp_path, whole):
     assert boat(tmp_path) == whole
     assert whole.e_value >= 1000.0
     text = page.page(whole)
-    assert "What it does not say" in text
+    assert "## Limits" in text
     assert f"≤ {whole.bound:.3g}" in text
 
 
@@ -188,7 +188,7 @@ def test_episodes_of_several_machines_in_one_folder_are_those_of_one(tmp_path, w
     together.mkdir()
     for first, end in ((13, whole.episodes), (0, 13)):
         runs = Runs(tmp_path / f"from {first}", workers=1, quiet=True)
-        assert len(list(certify.in_order(FROZEN, runs, range(first, end)))) == end - first
+        assert len(list(certify.episodes(FROZEN, runs, range(first, end)))) == end - first
         for file in runs.folder.iterdir():
             file.rename(together / file.name)
     kept = {file.name for file in together.iterdir()}
@@ -256,7 +256,7 @@ def test_every_file_says_of_plant_words_and_family_what_is_derived_today(file):
 
 def test_a_file_of_before_cannot_be_repeated():
     old = replace(certificates.load("regions"), shown=None, blocks=())
-    with pytest.raises(InvalidInputError, match="does not say what its episodes showed"):
+    with pytest.raises(InvalidInputError, match="lacks what its episodes showed"):
         check.check(old, 10, 0, Runs(None, workers=1, quiet=True))
 
 
@@ -366,7 +366,7 @@ def test_episodes_of_other_data_are_not_taken_wherever_a_plant_reads_them(place,
         file.write_text(lag)
         frozen = asked(tmp_path, text, steps=40)
         runs = Runs(tmp_path / folder, workers=1, quiet=True)
-        return list(certify.in_order(frozen, runs, range(20)))
+        return list(certify.episodes(frozen, runs, range(20)))
 
     slow = seen("0.05", "kept")
     assert seen("0.05", "kept") == slow
@@ -449,7 +449,7 @@ def test_the_command_leaves_a_certificate_that_the_filter_takes(tmp_path, capsys
         ([], "got no plant"),
         (["nothing"], "expected one of"),
         (["regions", "--v-max", "0.5", "1.0"], "expected a walker"),
-        ([BOAT, "--scenes", "random"], "draws by itself"),
+        ([BOAT, "--scenes", "random"], "draws its own"),
         (["regions", "--bound", "1"], "expected between 0 and 1"),
         (["regions", "--try", "50"], "try: got 50"),
     ],

@@ -53,8 +53,8 @@ def test_a_finished_job_does_not_run_again_and_a_new_job_does(tmp_path):
 
 
 def test_other_work_in_the_folder_is_not_mistaken_for_this(tmp_path):
-    for function, expected in ((functools.partial(round, ndigits=0), 1.0),
-                               (functools.partial(round, ndigits=1), 1.3), (abs, 1.26)):  # fmt: skip
+    rounded = [functools.partial(round, ndigits=k) for k in (0, 1)]
+    for function, expected in zip([*rounded, abs], (1.0, 1.3, 1.26), strict=True):
         assert over(function, [1.26], tmp_path) == {0: expected}
     for plant, times in (("a", 1), ("a", 1), ("b", 2)):
         over(crashing.logged, [(str(tmp_path), 1)], tmp_path / "saved", plant=plant)

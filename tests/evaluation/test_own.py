@@ -126,7 +126,7 @@ def test_h_that_a_rollout_records_is_that_of_the_states_it_went_through(own):
     [
         (["--policy", "OWN:gives_nan"], "expected finite numbers"),
         (["--policy", "OWN:act", "OWN:nothing"], "AttributeError"),
-        (["--env", BOAT, "--v-max", "1.0"], "whose plant says all that"),
+        (["--env", BOAT, "--v-max", "1.0"], "whose plant decides all that"),
         (["--env", BOAT, "--policy", "pd"], "expected one of your own"),
         (["--env", ROM, "--body", "footprint"], "expected --env HCBF-A1Regions-v0"),
         (["--env", "HCBF-Nowhere-v0"], "file.py:function"),
@@ -271,8 +271,7 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
     monkeypatch.setattr("hcbf_gym.evaluation.command.main", stopped)
     with pytest.raises(SystemExit):
         cli.main(["evaluate"])
-    told = "interrupted; the same command goes on where this one stopped\n"
-    assert capsys.readouterr().err == told
+    assert capsys.readouterr().err == "interrupted; the same command resumes this run\n"
 
 
 def test_without_a_folder_every_run_has_one_of_its_own_and_the_same_run_its_old_one(

@@ -348,7 +348,7 @@ def test_of_two_browsers_one_steers_and_a_closed_tab_hands_over(browser, album):
         second.choose("policy", "pd")
         first.until_said("policy", "pd")
         second.page.close()
-        first.until_said("steering", "nobody steers")
+        first.until_said("steering", "no one steers")
         first.choose("policy", "human")
         first.until_said("policy", "human")
 

@@ -157,7 +157,7 @@ def test_a_policy_for_other_scenes_is_refused_with_its_reason(session):
 
 
 def test_a_region_on_the_goal_of_a_guided_robot_is_refused_and_the_way_stays(session):
-    do(session, session.change, guidance=True, goes_on=False)
+    do(session, session.change, guidance=True, returns=False)
     said = do(session, session.move, "strict", (4.0, 0.0))
     assert "goal" in said.message
     assert said.scenario == GATE
@@ -193,7 +193,7 @@ def test_a_seed_draws_a_random_scene_and_a_restart_keeps_it():
 
 
 def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(session):
-    do(session, session.change, goes_on=False)
+    do(session, session.change, returns=False)
     ticks(session, 49)
     said = do(session, session.go_to, (0.5, -2.0))
     assert said.time == pytest.approx(1.02)
@@ -208,7 +208,7 @@ def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(sessi
 
 def test_time_passes_while_somebody_watches_and_who_comes_first_sees_a_robot_under_way(session):
     do(session, session.attend, False)
-    do(session, session.change, goes_on=False)
+    do(session, session.change, returns=False)
     assert ticks(session, 5).time == pytest.approx(0.0)
     do(session, session.attend, True)
     under_way = ticks(session, 50).time
@@ -321,7 +321,7 @@ def test_a_sentence_says_why_the_filter_brakes():
 @pytest.mark.parametrize(
     ("status", "slack", "expected"),
     [
-        ("NOMINAL", {}, "The policy has its way: no region is near enough to matter."),
+        ("NOMINAL", {}, "The policy decides: no region is near enough to matter."),
         ("SAFE", {1: 0.0}, "Every rank holds: the filter changes the input by 0.5 m/s²."),
         ("RELAXED", {1: 0.0, 3: 0.42}, "Rank 3 pays 0.4 m/s² so that ranks 1 and 2 hold."),
         ("RELAXED", {2: 0.1, 3: 0.42}, "Ranks 2 and 3 pay 0.4 m/s² so that rank 1 holds."),

@@ -35,32 +35,24 @@ TRIES = SEEDS // 2 // TRY_SEEDS
 """How many tries a seed has seeds for."""
 
 
-def plant_of(family: Family) -> tuple[Plant, Info]:
-    """Return the plant of a family's first episode, and what it declares.
-
-    Args:
-        family: of episodes.
-    """
+def made(family: Family) -> own_environment.Made:
+    """Return the environment of a family's first episode, without a filter, and its plant."""
     episode = family.episode(0)
     if isinstance(episode, own.OwnEpisode):
-        env, plant = own_environment.make(episode.source)
-    else:
-        env = env_of(family)
-        plant = env.unwrapped.plant  # type: ignore[attr-defined]
+        return own_environment.make(episode.source)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CoverageWarning)  # not covered: it is to be certified
+        env = gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
+    return own_environment.Made(env, env.unwrapped.plant)  # type: ignore[attr-defined]
+
+
+def plant_of(family: Family) -> tuple[Plant, Info]:
+    """Return the plant of a family's first episode, and what it declares."""
+    env, plant = made(family)
     try:
         return plant, certificates.declared(plant, env.unwrapped, None, {})
     finally:
         env.close()
-
-
-def env_of(family: Family) -> gym.Env:
-    """Return the environment of a family's first episode, without a filter."""
-    episode = family.episode(0)
-    if isinstance(episode, own.OwnEpisode):
-        return own_environment.make(episode.source).env
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CoverageWarning)  # not covered: it is to be certified
-        return gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
 
 
 def calibrated(
@@ -96,15 +88,8 @@ def calibrated(
         return in_order(over(runs, family, job, tried, title))
 
     caps = getattr(family, "caps", None)
-    return calibration.calibrate(
-        start,
-        run,
-        attack,
-        episodes,
-        share,
-        SEEDS * seed,
-        v_max=np.inf if caps is None else caps[0],
-    )
+    v_max = np.inf if caps is None else caps[0]
+    return calibration.calibrate(start, run, attack, episodes, share, SEEDS * seed, v_max)
 
 
 def over(
@@ -114,37 +99,18 @@ def over(
     jobs: Sequence[Any],
     title: str,
 ) -> Iterator[tuple[int, Seen]]:
-    """Yield (number, what it showed) of a family's episodes; some of the saved ones run again.
-
-    Args:
-        runs: how they run.
-        family: that decides what they read.
-        job: runs an episode.
-        jobs: what it is called with.
-        title: of a bar.
-    """
-    return runs.over(job, jobs, title, family.files, _identity(family), repeat=True)
-
-
-def _identity(family: Family) -> str:
-    """Return the identity of a plant of the user's own, as it is now; "" of the package's."""
-    episode = family.episode(0)
-    return own_environment.identity(episode.source) if isinstance(episode, own.OwnEpisode) else ""
+    """Yield (number, what it showed) of a family's episodes; some of the saved ones run again."""
+    episode, plant = family.episode(0), ""
+    if isinstance(episode, own.OwnEpisode):
+        plant = own_environment.identity(episode.source)
+    return runs.over(job, jobs, title, family.files, plant, repeat=True)
 
 
 @dataclass(frozen=True)
 class Frozen:
     """What is fixed before the first episode of a certificate; see `Certificate`.
 
-    Args:
-        name: of the certificate.
-        family: the episodes are drawn from.
-        margins: what rows reserve; None is the plant's own law.
-        calibration: what was done before.
-        bound: ε that is asked for.
-        confidence: 1 − β.
-        attempt: which try, of which each spends β/2ⁿ; 0 for the only one.
-        seed: decides the seeds, with that of the calibration.
+    `margins` of None is the plant's own law.
     """
 
     name: str
@@ -190,7 +156,7 @@ class Frozen:
                 f"{self.name}: no certificate could cover it: its function returns {why}, expected "
                 "the same plant at every call; make in `reset` what only an episode needs"
             )
-        versions = versions()
+        others = versions()
         return {
             "name": self.name,
             "plant": self.family.certifies(both[0]),
@@ -202,9 +168,9 @@ class Frozen:
             "confidence": self.confidence,
             "attempt": self.attempt,
             "first_seed": self.first_seed,
-            "version": versions.pop("hcbf-gym"),
+            "version": others.pop("hcbf-gym"),
             "commit": commit(),
-            "versions": versions,
+            "versions": others,
         }
 
 
@@ -229,11 +195,6 @@ def commit() -> str:
 
 def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certificate:
     """Return the certificate that fresh episodes give, as soon as they are enough.
-
-    Args:
-        frozen: what was fixed before.
-        runs: how they run.
-        at_most: as `draw` takes it.
 
     Raises:
         RefusedError: if there is none, by `draw`; if a seed does not decide its episode; or if the
@@ -267,7 +228,7 @@ def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
     """Return what fresh episodes showed, as many in the order of their seeds as are enough.
 
     Args:
-        frozen: as `certify` takes it.
+        frozen: what was fixed before.
         runs: how they run.
         at_most: how many episodes to wait for; `PATIENCE` times the fewest if None.
 
@@ -280,7 +241,7 @@ def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
     seen: list[Seen] = []
     needed = frozen.fewest
     while len(seen) < min(most, needed):
-        for one in in_order(frozen, runs, range(len(seen), min(most, needed))):
+        for one in episodes(frozen, runs, range(len(seen), min(most, needed))):
             seen.append(one)
             tally.add(one.entered)
             if tally.certified:
@@ -292,24 +253,18 @@ def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
                 raise RefusedError(_refusal(frozen, seen, why))
         needed = sequential.episodes_needed(frozen.bound, tally.entered, frozen.doubt)
     raise RefusedError(
-        _refusal(frozen, seen, f"{needed:,} are needed; go on with a greater --at-most")
+        _refusal(frozen, seen, f"{needed:,} are needed; continue with a greater --at-most")
     )
 
 
 def so_far(tally: Tally) -> str:
-    """Return what the episodes so far say."""
+    """Return the count and the running bound in words."""
     bound = sequential.running_bound(tally.entered, tally.episodes, tally.beta)
     return f"{tally.entered} of {tally.episodes:,} entered, P(enter) ≤ {bound:.3g} so far"
 
 
-def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
-    """Yield what some of a certificate's episodes show, in their order.
-
-    Args:
-        frozen: as `certify` takes it.
-        runs: how they run.
-        numbers: of the episodes, from 0.
-    """
+def episodes(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
+    """Yield what some of a certificate's episodes show, in their order, numbered from 0."""
     job = functools.partial(run_seed, frozen.family, frozen.margins)
     seeds = [frozen.first_seed + number for number in numbers]
     early: dict[int, Seen] = {}
@@ -322,12 +277,7 @@ def in_order(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
 
 
 def outcome(seen: Sequence[Seen], bound: float) -> dict[str, Any]:
-    """Return the fields of a `Certificate` that follow from its episodes.
-
-    Args:
-        seen: in their order.
-        bound: ε.
-    """
+    """Return the fields of a `Certificate` that follow from its episodes, in their order."""
     entered = sum(one.entered for one in seen)
     return {
         "episodes": len(seen),
@@ -337,7 +287,7 @@ def outcome(seen: Sequence[Seen], bound: float) -> dict[str, Any]:
         "falls": sum(one.fell for one in seen),
         "alarms": sum(one.alarm > 0 for one in seen),
         "shown": calibration.shown(seen),
-        "strata": strata(seen),
+        "strata": _strata(seen),
         "blocks": tuple(_block(seen[k : k + BLOCK]) for k in range(0, len(seen), BLOCK)),
     }
 
@@ -352,7 +302,7 @@ def _block(seen: Sequence[Seen]) -> Block:
     )  # fmt: skip
 
 
-def strata(seen: Sequence[Seen]) -> tuple[Stratum, ...]:
+def _strata(seen: Sequence[Seen]) -> tuple[Stratum, ...]:
     """Return the counts of each policy in each family of scenes."""
     groups: dict[tuple[str, str], list[Seen]] = {}
     for one in seen:

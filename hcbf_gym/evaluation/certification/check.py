@@ -1,9 +1,8 @@
-"""A certificate repeated: what its episodes show again, and what else of it follows from them."""
+"""A certificate repeated: its episodes, and all that follows from them and from its family."""
 
 import functools
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, is_dataclass
 
 import numpy as np
 
@@ -27,7 +26,7 @@ class Checked:
 
     Attributes:
         episodes: how many were run again.
-        differs: in what the file does not say what came out, a phrase for each.
+        differs: in what the file differs from what came out, a phrase for each.
         elsewhere: in what it was computed otherwise than here, a phrase for each.
         least_h: of the repeated episodes.
     """
@@ -52,14 +51,13 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
     """
     if certificate.shown is None:
         raise InvalidInputError(
-            f"check: got {certificate.name!r}, which does not say what its episodes showed, "
-            "expected one that this version of `hcbf certify` wrote"
+            f"check: got {certificate.name!r}, which lacks what its episodes showed, expected one "
+            "that this version of `hcbf certify` wrote"
         )
     family = families.from_dict(certificate.family)
     differs = stated_otherwise(certificate, family) + _drawn_otherwise(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))
     chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
-    frozen = _frozen(certificate, family)
     numbers = [
         number
         for block in sorted(chosen.tolist())
@@ -79,21 +77,14 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
             for name, value in again.items()
             if name != "blocks" and not _same(getattr(certificate, name), value)
         ]
-        differs += _recalibrated(certificate, frozen, runs)
+        differs += _recalibrated(certificate, family, runs)
     return Checked(
         len(jobs), tuple(differs), tuple(_elsewhere(certificate)), min(s.least_h for s in seen)
     )
 
 
-def _frozen(c: Certificate, family: Family) -> certify.Frozen:
-    return certify.Frozen(
-        c.name, family, c.margins, c.calibration, c.bound, c.confidence, c.attempt,
-        c.first_seed // SEEDS,
-    )  # fmt: skip
-
-
 def stated_otherwise(c: Certificate, family: Family) -> list[str]:
-    """Return in what a file says other things than its family does, a phrase for each."""
+    """Return in what a file differs from its family, a phrase for each."""
     plant, declared = certify.plant_of(family)
     expected = {
         "plant": family.certifies(declared),
@@ -126,17 +117,15 @@ def _drawn_otherwise(c: Certificate, family: Family) -> list[str]:
     return [f"strata: {stated}, expected {dict(drawn)} as the seeds draw them"]
 
 
-def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[str]:
+def _recalibrated(c: Certificate, family: Family, runs: Runs) -> list[str]:
     """Return in what margins and rounds are not those that a calibration gives."""
     if not c.calibration or c.margins is None:
         return []
     first = c.calibration[0]
     start = c.margins._replace(**{name: first["margins"][name] for name in CALIBRATED})
-    share = c.bound / SAFER
+    share, seed = c.bound / SAFER, c.first_seed // SEEDS
     try:
-        found = certify.calibrated(
-            frozen.family, start, runs, first["episodes"], share, frozen.seed
-        )
+        found = certify.calibrated(family, start, runs, first["episodes"], share, seed)
     except HcbfError as error:
         return [f"calibration: {error}"]
     return [
@@ -161,7 +150,9 @@ def _elsewhere(c: Certificate) -> list[str]:
 
 def _same(stated: object, value: object) -> bool:
     """Return whether two are alike, numbers to within `SAME`."""
-    stated, value = records.plain(_parts(stated)), records.plain(_parts(value))
+    stated, value = (
+        records.plain(vars(one) if is_dataclass(one) else one) for one in (stated, value)
+    )
     if isinstance(stated, dict) and isinstance(value, dict):
         return set(stated) == set(value) and all(_same(stated[k], value[k]) for k in stated)
     if isinstance(stated, list) and isinstance(value, list):
@@ -169,7 +160,3 @@ def _same(stated: object, value: object) -> bool:
     if isinstance(stated, float) and isinstance(value, float):
         return abs(stated - value) <= SAME * max(1.0, abs(stated))
     return type(stated) is type(value) and stated == value
-
-
-def _parts(thing: object) -> Any:
-    return vars(thing) if hasattr(thing, "__dataclass_fields__") else thing

@@ -38,10 +38,10 @@ from hcbf_gym.robots.walker_response import assumed
 LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
 SPEED_LEFT = 2.5
-"""And of what the row of its speed limit reserves before calibration: an environment asks for 2."""
+"""And of what the row of its speed limit reserves before calibration: an environment requires 2."""
 
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 
 
 Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]
@@ -99,7 +99,7 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Certify or check, and say what came out."""
+    """Certify or check, and print what came out."""
     runs = Runs(None, args.workers, args.backend)
     runs.check()
     console = Console()
@@ -143,13 +143,13 @@ def main(args: Args) -> None:
 
 def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
     """Run a range of the episodes, which stay in the folder."""
-    seen = list(certify.in_order(frozen, runs, range(*part)))
+    seen = list(certify.episodes(frozen, runs, range(*part)))
     entered = sum(one.entered for one in seen)
     console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
 def family_of(args: Args) -> Family:
-    """Return the family of episodes that the arguments ask for.
+    """Return the family of episodes that the arguments name.
 
     Raises:
         HcbfError: if there is no such plant, scene or policy.
@@ -163,7 +163,7 @@ def family_of(args: Args) -> Family:
     if ":" in args.plant:
         if args.scenes or args.v_max is not None:
             raise InvalidInputError(
-                f"certify: got scenes or v_max with {args.plant}, whose environment draws by itself"
+                f"certify: got scenes or v_max with {args.plant}, whose environment draws its own"
             )
         return OwnFamily(args.plant, **requested)
     if args.scenes:
@@ -206,7 +206,7 @@ def _try(family: Family, seed: int) -> None:
         own = [family.policies[0][0]]
     for name in own:
         if policies.is_own(name) and not attacks.is_attack(name):
-            env = certify.env_of(family)
+            env, _ = certify.made(family)
             policies.try_out(name, env, seed)
             env.close()
         trial = replace(family, policies=((name, 1.0),), steps=2)
@@ -215,9 +215,9 @@ def _try(family: Family, seed: int) -> None:
         except HcbfError:
             raise
         except Exception as error:  # whatever a user's environment or attack raises
-            said = str(error).strip().partition("\n")[0]
+            reason = str(error).strip().partition("\n")[0]
             raise InvalidInputError(
-                f"certify: got {type(error).__name__}: {said} in the first steps of an episode "
+                f"certify: got {type(error).__name__}: {reason} in the first steps of an episode "
                 f"with the policy {name!r}, expected none"
             ) from error
 
@@ -272,10 +272,10 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
     if certificate.name != file.stem:
         differs.append(f"name: {certificate.name!r}, expected {file.stem!r} as the file's")
     if differs:
-        raise RefusedError(f"check: {certificate.name!r} is not what it says: {'; '.join(differs)}")
+        raise RefusedError(f"check: {certificate.name!r} cannot be repeated: {'; '.join(differs)}")
     console.print(
-        f"{certificate.summary}; {checked.episodes} of them repeated, with the same entries and least "
-        f"h {checked.least_h:+.6g}",
+        f"{certificate.summary}; {checked.episodes} of them repeated, with the same entries and "
+        f"least h {checked.least_h:+.6g}",
         soft_wrap=True,
     )
 

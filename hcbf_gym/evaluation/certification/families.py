@@ -41,7 +41,7 @@ Episode = AttackedEpisode | own.OwnEpisode
 
 
 class Family(Protocol):
-    """A frozen dataclass of JSON's types that says what a seed stands for."""
+    """A frozen dataclass of JSON's types that decides the episode of each seed."""
 
     def episode(self, seed: int) -> Episode:
         """Return the episode that a seed decides."""
@@ -94,26 +94,14 @@ class Seen(NamedTuple):
 
 
 def run_seed(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
-    """Run the episode of a seed.
-
-    Args:
-        family: it belongs to.
-        margins: what rows reserve; None is the plant's own.
-        seed: of the episode.
-    """
+    """Run the episode of a seed, with the plant's own margins for None."""
     return _run(family.episode(seed), margins)
 
 
 def run_searched(
     family: Family, margins: Uncertainty, searched: tuple[int, tuple[float, ...]]
 ) -> Seen:
-    """Run the episode of a seed with the attacker that a search tries.
-
-    Args:
-        family: it belongs to.
-        margins: what rows reserve.
-        searched: the seed, and the attacker's parameters.
-    """
+    """Run the episode of a seed with the attacker that a search tries: (seed, its parameters)."""
     seed, parameters = searched
     return _run(replace(family.episode(seed), attack=SEARCHED, parameters=parameters), margins)
 
@@ -123,7 +111,7 @@ def _run(episode: Episode, margins: Uncertainty | None) -> Seen:
     if margins is not None:
         episode = replace(episode, uncertainty=margins)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what is not covered yet; alarms are in the outcome
+        warnings.simplefilter("ignore")  # that it is not covered yet; alarms are in the outcome
         outcome = episode.run()
     body = outcome.least_body_h
     return Seen(
@@ -200,15 +188,11 @@ class SceneFamily:
 
     @property
     def _exact(self) -> bool:
-        """Whether the robot is its model, so that its way between two samples is known."""
+        """Whether the robot is its model, so that its path between two samples is known."""
         return self.env == "HCBF-Regions-v0"
 
     def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
-        """Return what a plant must declare to be the one of these episodes.
-
-        Args:
-            declared: what the plant of one of them declares.
-        """
+        """Return what a plant must declare to be the one of these episodes."""
         scenes = [family.identity for family in self._families]
         wanted = dict(declared) | {"scene": {"any of": scenes}}
         if self.caps is not None:
@@ -248,17 +232,11 @@ class SceneFamily:
 
 
 def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> Shares:
-    """Return all policies that can act in scenes: a learned one knows observations of one shape.
-
-    Args:
-        env: id of an environment.
-        options: further arguments of it.
-        scenes: families of scenes.
-    """
+    """Return all policies that can act in scenes: a learned one fits observations of one shape."""
     able = set(learned.names())
     for scene in scenes:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CoverageWarning)  # whether they are is not asked
+            warnings.simplefilter("ignore", CoverageWarning)  # it is not the question
             made = gym.make(env, scenario=scene, **options)
         able &= set(learned.fitting(made))
         made.close()
@@ -327,11 +305,7 @@ def to_dict(family: Family) -> dict[str, object]:
 
 
 def from_dict(data: Mapping[str, object]) -> Family:
-    """Return the family that `to_dict` made this of.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return the family that `to_dict` made this of."""
     return records.from_dict("family", data, KINDS)
 
 

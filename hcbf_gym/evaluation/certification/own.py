@@ -39,7 +39,7 @@ class OwnEpisode:
         filter_options: arguments of `SafetyFilter`.
         parameters: of the searched attacker, as `attacks.Searched` takes them.
         uncertainty: what rows reserve; None is the plant's own.
-        scenario: what counts call the scenes, which the environment draws by itself.
+        scenario: the name of the scenes in counts, which the environment draws.
     """
 
     source: str
@@ -74,7 +74,6 @@ class OwnEpisode:
         return replace(outcome, first_h=view.first_h)
 
     def _act(self, plant: Plant, view: "Foresight", filtered: wrappers.SafetyFilter) -> Act:
-        """Return what acts in the filtered environment."""
         if self.parameters is None and not attacks.is_attack(self.attack):
             return policies.make(self.attack, filtered)
         attack = attacks.make(self.attack, self.seed, self.parameters)
@@ -159,11 +158,7 @@ class Foresight:
     ) -> Array:
         """Return the corner of U that lowers nearest·h₁ + second·h₂ the most, `AHEAD` later.
 
-        Args:
-            nearest: weight of the least strict h on the position.
-            second: weight of the second least.
-            sideways: not read: no edge is known of any model.
-            speed: likewise.
+        `sideways` and `speed` are not read: no edge is known of any model.
         """
         if self.time >= self._until or (nearest, second) != self._weights:
             now, model = self.now, self._plant.model
@@ -176,16 +171,16 @@ class Foresight:
 
 
 def _truth(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Truth:
-    """Return what a plant's readers say, and the infos' min_h where that is less."""
-    said = reading(plant, env, sample, counted, placing)
-    rank = np.array([condition.rank for condition in said.conditions], dtype=np.int64)
-    if not ((rank == 1) & said.reads_position).any():
+    """Return what a plant's readers return, and the infos' min_h where that is less."""
+    now = reading(plant, env, sample, counted, placing)
+    rank = np.array([condition.rank for condition in now.conditions], dtype=np.int64)
+    if not ((rank == 1) & now.reads_position).any():
         raise InvalidInputError(
             f"certify: got {len(rank)} barriers and none of priority 1 on the state, "
             "expected at least one"
         )
-    h = said.h
+    h = now.h
     if "min_h" in sample.info:
         h = np.minimum(h, least_reported(sample.info["min_h"], len(rank)))
     h = np.where(np.isfinite(h), h, -np.inf)
-    return truth(said.x, said.time, h, rank, said.reads_position, said.along)
+    return truth(now.x, now.time, h, rank, now.reads_position, now.along)

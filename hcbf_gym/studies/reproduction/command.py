@@ -30,8 +30,8 @@ from hcbf_gym.studies.reproduction.figure5 import Model
 
 Figure = Callable[[Runs, Path, bool], dict[str, Any]]
 """Draws a figure and returns its claims."""
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,7 @@ def main(args: Args) -> None:
 def reproduce(
     figures: Mapping[str, Figure], folder: Path, quick: bool, runs: Runs
 ) -> dict[str, Any]:
-    """Draw figures into a folder, and return what `reproduction.json` holds then.
-
-    Args:
-        figures: some of `FIGURES` or `OF_ROM`.
-        folder: for the pictures and the JSON; figures that it has stay.
-        quick: fewer episodes.
-        runs: how episodes run.
-    """
+    """Draw figures into a folder, and return the content of its `reproduction.json`."""
     runs.check()
     settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
     open_folder(folder, settings)

@@ -55,14 +55,7 @@ _INNER = (1.0, 4.75)
 def fig5(runs: Runs, folder: Path, quick: bool, model: Model = "both") -> dict[str, Any]:
     """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
 
-    Args:
-        runs: how episodes run.
-        folder: where the pictures go.
-        quick: fewer samples, and no cost map on the A1.
-        model: "both", or "rom" for the reduced-order model alone.
-
-    Returns:
-        ``claims`` {text: bool} and the figures they rest on, in JSON types.
+    Returns ``claims`` {text: bool} and the figures they rest on, in JSON types.
     """
     fan = _fan(60 if quick else 200)
     rom = _rom()

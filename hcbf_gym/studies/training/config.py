@@ -1,4 +1,4 @@
-"""What decides a training run: its record, its environments, its algorithm."""
+"""The configuration of a training run, its environments, and its algorithm."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -121,8 +121,7 @@ def make_vector(
     """Return n native environments that do not reset themselves, filtered if a program is named.
 
     Raises:
-        UnknownNameError: if the scenario or program is not registered.
-        InvalidInputError: if the scenario's task is not "reach".
+        HcbfError: if the scenario or program is not registered, or the task is not "reach".
     """
     env = gym.make_vec("HCBF-Regions-v0", num_envs=n, scenario=scenario, autoreset_mode="Disabled")
     task = env.unwrapped.scenario.task  # type: ignore[attr-defined]

@@ -19,13 +19,7 @@ UNSEEN = 1e-5
 
 
 def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:
-    """Return the model's deterministic policy with the normalisation of its observations.
-
-    Args:
-        model: PPO, SAC or TD3 with an MLP policy.
-        env: the training environments, which hold the normalisation.
-        about: how it was trained.
-    """
+    """Return the model's deterministic policy with the normalisation of its observations."""
     policy: Any = model.policy
     if isinstance(model, PPO):
         modules = [*policy.mlp_extractor.policy_net, policy.action_net]
@@ -70,13 +64,7 @@ class Report(NamedTuple):
 
 
 def report(policy: LearnedPolicy, env: VectorEnv, seed: int) -> Report:
-    """Run one episode in each of N scenes, with a decision at every control step.
-
-    Args:
-        policy: acts on all scenes at once.
-        env: N native environments that do not reset themselves.
-        seed: of the first scene.
-    """
+    """Run one episode in each of N native environments, with a decision at every control step."""
     run = rollout_batch(env, policy, seed)
     return Report(
         success=float(run.terminated.mean()),

@@ -17,7 +17,7 @@ class Cost:
 
     What the paper leaves open is read as follows. ``e`` is the position error p_ref − p, as in
     its feedback law u = K_p e + K_d ė. ``‖e‖_w = √(eᵀ w e)``, as ‖·‖_M in its Proposition 2. δ is
-    what the relaxed rows give way, ``Σ_k max(0, δ_k)``: H-CBF-QP's δ has a sign, and a negative
+    by how much rows are relaxed, ``Σ_k max(0, δ_k)``: H-CBF-QP's δ has a sign, and a negative
     one relaxes nothing.
 
     Args:

@@ -4,10 +4,9 @@ A generation is requested as a whole, evaluated as one batch and recorded as a w
 run had not recorded is requested again.
 """
 
-import contextlib
 import json
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,7 +14,6 @@ import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler, CmaEsSampler, TPESampler
-from optuna.storages import RDBStorage
 from optuna.study import Study
 from optuna.trial import FrozenTrial, TrialState
 
@@ -77,8 +75,7 @@ class TuningStudy:
         normal: N(µ, Σ) of the paper's sampling; the others do not read it.
         sampler: a name in `SAMPLERS`.
         seed: of the samples.
-        storage: where the study lives: an Optuna storage, the URL of a database, or None for
-            the memory of this process.
+        storage: an Optuna storage, or None for the memory of this process.
 
     Raises:
         UnknownNameError: if there is no such sampler.
@@ -124,12 +121,12 @@ class TuningStudy:
             raise InvalidInputError(f"samples: got {samples}, expected at least 1")
         extend = self._draw if SAMPLERS[self.sampler] is None else self._search
         size = DRAWS if extend == self._draw and self.problem.batched else GENERATION
-        with self._opened() as study:
-            while (done := len(_complete(study))) < samples:
-                on_done(done)
-                extend(study, done, min(size, samples - done), runs)
-            on_done(samples)
-            found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
+        study = self._study()
+        while (done := len(_complete(study))) < samples:
+            on_done(done)
+            extend(study, done, min(size, samples - done), runs)
+        on_done(samples)
+        found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
         return Samples(*np.array(found, dtype=np.float64).T)
 
     def rejected(self, samples: int) -> int:
@@ -149,7 +146,7 @@ class TuningStudy:
         )
 
     def _search(self, study: Study, done: int, count: int, runs: Runs) -> None:
-        """Ask one of Optuna's samplers for a generation, and tell what it costs."""
+        """Add a generation of one of Optuna's samplers."""
         for left in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             study.tell(left.number, state=TrialState.FAIL, skip_if_finished=True)
         make = SAMPLERS[self.sampler]
@@ -164,24 +161,11 @@ class TuningStudy:
         gamma0, delta_gamma = ([pair[name] for pair in pairs] for name in WINDOW)
         return in_order(self.problem.costs(gamma0, delta_gamma, runs))
 
-    @contextlib.contextmanager
-    def _opened(self) -> Iterator[Study]:
-        """Open the study; a database that this opens is closed at the end."""
-        if not isinstance(self.storage, str):
-            yield self._of(self.storage)
-            return
-        database = RDBStorage(self.storage)
-        try:
-            yield self._of(database)
-        finally:
-            database.remove_session()
-            database.engine.dispose()
-
-    def _of(self, storage: Any) -> Study:
+    def _study(self) -> Study:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             study = optuna.create_study(
-                storage=storage, study_name=self.sampler, load_if_exists=True
+                storage=self.storage, study_name=self.sampler, load_if_exists=True
             )
         settings = json.dumps(self.settings(), sort_keys=True, allow_nan=False)
         if study.user_attrs.setdefault(_SETTINGS, settings) != settings:
