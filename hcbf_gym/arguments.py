@@ -90,16 +90,9 @@ def _marks(hint: Any) -> Iterator[Any]:
 
 
 class Subcommand(NamedTuple):
-    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring.
+    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring."""
 
-    Attributes:
-        module: imported when the command is called, not before.
-        does: one line for the list of commands.
-        extra: the extra that brings what it needs, where it needs more than the core.
-        needs: the modules of that extra that must be there.
-    """
-
-    module: str
-    does: str
-    extra: str = ""
-    needs: tuple[str, ...] = ()
+    module: str  # imported when the command is called, not before
+    does: str  # one line for the list of commands
+    extra: str = ""  # the extra that brings what it needs, where it needs more than the core
+    needs: tuple[str, ...] = ()  # the modules of that extra that must be there

@@ -70,8 +70,8 @@ def of_user(file: Path) -> list[Path]:
     finder = ModuleFinder([str(top)], excludes=["hcbf_gym", "hcbf_robots", "hcbf_lab"])
     with contextlib.suppress(SyntaxError):  # reported where the file is imported
         finder.run_script(str(file))
-    found = (Path(one.__file__) for one in finder.modules.values() if one.__file__)
-    return sorted({file, *found})
+    found = (getattr(one, "__file__", None) for one in finder.modules.values())
+    return sorted({file, *(Path(name) for name in found if name)})
 
 
 def _digest(file: Path) -> str:

@@ -104,15 +104,10 @@ def judged_by(
 
 
 class NearestCertificate(NamedTuple):
-    """The shipped certificate that differs least from what a plant declares.
+    """The shipped certificate that differs least from what a plant declares."""
 
-    Attributes:
-        certificate: None where none is of such an environment and robot.
-        judged: whether it covers the plant.
-    """
-
-    certificate: Certificate | None
-    judged: Judged
+    certificate: Certificate | None  # None where none is of such an environment and robot
+    judged: Judged  # whether it covers the plant
 
     def again(self, declared: Mapping[str, object]) -> Judged:
         """Return whether it covers the plant in another scene, `declared["scene"]`."""

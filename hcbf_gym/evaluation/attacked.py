@@ -26,29 +26,18 @@ CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 
 @dataclass(frozen=True)
 class AttackedEpisode:
-    """What to run.
+    """What to run."""
 
-    Args:
-        attack: what `attacks.make` takes, or a policy as `policies.make` takes it.
-        scenario: its name, or a scene as a dict.
-        seed: of the environment and the attack.
-        env: the id of an environment of this package.
-        env_options: further arguments of the environment.
-        filter_options: arguments of `SafetyFilter`.
-        parameters: of an attack that has some.
-        inside: a wrapper between the filter and the environment; None for none.
-        uncertainty: what rows reserve; None is the plant's own.
-    """
-
-    attack: str
-    scenario: Any
-    seed: int
-    env: str = "HCBF-A1Regions-v0"
-    env_options: Mapping[str, Any] | None = None
-    filter_options: Mapping[str, Any] | None = None
-    parameters: tuple[float, ...] | None = None
+    attack: str  # what `attacks.make` takes, or a policy as `policies.make` takes it
+    scenario: Any  # its name, or a scene as a dict
+    seed: int  # of the environment and the attack
+    env: str = "HCBF-A1Regions-v0"  # the id of an environment of this package
+    env_options: Mapping[str, Any] | None = None  # further arguments of the environment
+    filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
+    parameters: tuple[float, ...] | None = None  # of an attack that has some
+    # a wrapper between the filter and the environment; None for none
     inside: Callable[[gym.Env], gym.Env] | None = None
-    uncertainty: Uncertainty | None = None
+    uncertainty: Uncertainty | None = None  # what rows reserve; None is the plant's own
 
     def run(self) -> "Outcome":
         """Run the episode to its end."""
@@ -110,75 +99,45 @@ def policy_of(
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one episode showed; every h is the truth's, at every physics step that is reported.
+    """What one episode showed; every h is the truth's, at every physics step that is reported."""
 
-    Attributes:
-        least_h: least h of the strict barriers on the position [m, or the unit of h].
-        least_speed_h: of the strict speed limit [m/s]; infinite where there is none.
-        least_second_h: of the barriers of priority 2 [m].
-        least_body_h: of the strict barriers for the robot's body [m]; infinite for a point.
-        first_h: least h of the strict barriers on the position at the reset [m].
-        fell: whether the robot fell, as far as its environment reports it.
-        reached: whether it reached the goal, in the same sense.
-        seconds: how long it took [s].
-        steps: how many it took.
-        qp_failures: task-space QPs without a solution.
-        status_counts: steps in each `FilterStatus`.
-        median_margin: of the largest margin of a strict row on the position [m].
-        changed: whether the filter changed u.
-        pressed: whether the filter had to change an input that would have entered.
-        alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
-        warned: whether the filter warned that the environment does not apply its input.
-        reach: the greatest horizontal distance of the body from the trunk's centre [m].
-        position_error: root mean square of the estimated position's error [m]; None where the
-            state is known.
-        nees: mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors.
-        nees_inside: share of the instants at which it lies in its 95 % band.
-    """
-
-    least_h: float
-    least_speed_h: float = np.inf
-    least_second_h: float = np.inf
+    least_h: float  # least h of the strict barriers on the position [m, or the unit of h]
+    least_speed_h: float = np.inf  # of the strict speed limit [m/s]; infinite where there is none
+    least_second_h: float = np.inf  # of the barriers of priority 2 [m]
+    # of the strict barriers for the robot's body [m]; infinite for a point
     least_body_h: float = np.inf
-    first_h: float = np.inf
-    fell: bool = False
-    reached: bool = False
-    seconds: float = 0.0
-    steps: int = 0
-    qp_failures: int = 0
-    status_counts: Sequence[int] = ()
-    median_margin: float = 0.0
-    changed: bool = False
-    pressed: bool = False
-    alarm: int = 0
-    warned: bool = False
-    reach: float = 0.0
+    first_h: float = np.inf  # least h of the strict barriers on the position at the reset [m]
+    fell: bool = False  # whether the robot fell, as far as its environment reports it
+    reached: bool = False  # whether it reached the goal, in the same sense
+    seconds: float = 0.0  # how long it took [s]
+    steps: int = 0  # how many it took
+    qp_failures: int = 0  # task-space QPs without a solution
+    status_counts: Sequence[int] = ()  # steps in each `FilterStatus`
+    median_margin: float = 0.0  # of the largest margin of a strict row on the position [m]
+    changed: bool = False  # whether the filter changed u
+    pressed: bool = False  # whether the filter had to change an input that would have entered
+    alarm: int = 0  # the `Reason` that stood at the end, where it is an alarm; 0 for none
+    warned: bool = False  # whether the filter warned that the environment does not apply its input
+    reach: float = 0.0  # the greatest horizontal distance of the body from the trunk's centre [m]
+    # root mean square of the estimated position's error [m]; None where the state is known
     position_error: float | None = None
+    # mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors
     nees: float | None = None
-    nees_inside: float | None = None
+    nees_inside: float | None = None  # share of the instants at which it lies in its 95 % band
 
 
 class Truth(NamedTuple):
-    """A plant and its ranked conditions at one sample, as they are.
+    """A plant and its ranked conditions at one sample, as they are."""
 
-    Attributes:
-        x: (n,) the state.
-        time: [s].
-        h: least h of the strict conditions on the position since the sample before, where less is
-            reported than now holds.
-        speed_h: of the other strict conditions; infinite where there are none.
-        second_h: of those of priority 2, or infinite.
-        position: (m,) which conditions are strict and read the position.
-        along: (x (j, n), t (j,)) → (j, k) the h's of those elsewhere.
-    """
-
-    x: Array
-    time: float
+    x: Array  # (n,) the state
+    time: float  # [s]
+    # least h of the strict conditions on the position since the sample before, where less is
+    # reported than now holds
     h: float
-    speed_h: float
-    second_h: float
-    position: Mask
-    along: vacuity.Strict
+    speed_h: float  # of the other strict conditions; infinite where there are none
+    second_h: float  # of those of priority 2, or infinite
+    position: Mask  # (m,) which conditions are strict and read the position
+    along: vacuity.Strict  # (x (j, n), t (j,)) → (j, k) the h's of those elsewhere
 
 
 def truth(

@@ -71,21 +71,13 @@ class View(Protocol):
 
 @dataclass
 class Surroundings:
-    """What an attacker sees of a robot that moves in the plane like a double integrator.
+    """What an attacker sees of a robot that moves in the plane like a double integrator."""
 
-    Attributes:
-        position: (2,) of the trunk [m].
-        velocity: (2,) of the trunk [m/s].
-        h: (k,) of the strict barriers on the position, nearest first [m]; at least one.
-        normal: (k, 2) their unit gradients, away from the regions.
-        time: [s].
-    """
-
-    position: Array
-    velocity: Array
-    h: Array
-    normal: Array
-    time: float
+    position: Array  # (2,) of the trunk [m]
+    velocity: Array  # (2,) of the trunk [m/s]
+    h: Array  # (k,) of the strict barriers on the position, nearest first [m]; at least one
+    normal: Array  # (k, 2) their unit gradients, away from the regions
+    time: float  # [s]
 
     @property
     def second(self) -> Array:

@@ -12,16 +12,11 @@ def _no_files(options: Mapping[str, Any]) -> list[Path]:
 
 
 class Known(NamedTuple):
-    """What commands know of an environment.
+    """What commands know of an environment."""
 
-    Attributes:
-        robot: what moves in it; None where the argument `robot` decides.
-        options: those arguments of `hcbf evaluate` that the environment takes.
-        files: (arguments of the environment) → the user's files that decide what it does.
-    """
-
-    robot: str | None
-    options: tuple[str, ...] = ()
+    robot: str | None  # what moves in it; None where the argument `robot` decides
+    options: tuple[str, ...] = ()  # those arguments of `hcbf evaluate` that the environment takes
+    # (arguments of the environment) → the user's files that decide what it does
     files: Callable[[Mapping[str, Any]], list[Path]] = _no_files
 
 

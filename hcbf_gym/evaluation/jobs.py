@@ -53,19 +53,12 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Runs:
-    """How the jobs of a study run.
+    """How the jobs of a study run."""
 
-    Args:
-        folder: where results are saved; None to save nothing.
-        workers: jobs that run at once; None for as many as the backend has CPUs.
-        backend: "processes" or "ray".
-        quiet: show no bar.
-    """
-
-    folder: Path | None = None
-    workers: int | None = None
-    backend: Backend = "processes"
-    quiet: bool = False
+    folder: Path | None = None  # where results are saved; None to save nothing
+    workers: int | None = None  # jobs that run at once; None for as many as the backend has CPUs
+    backend: Backend = "processes"  # "processes" or "ray"
+    quiet: bool = False  # show no bar
 
     def check(self) -> int:
         """Return how many jobs run at once.

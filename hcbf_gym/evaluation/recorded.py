@@ -28,53 +28,31 @@ Positions = Callable[[Array], Any]
 
 @dataclass(frozen=True)
 class Episode:
-    """What one rollout recorded, k + 1 states and k steps, and how it ended.
+    """What one rollout recorded, k + 1 states and k steps, and how it ended."""
 
-    Attributes:
-        time: (k + 1,) [s].
-        state: (k + 1, n) of the reduced-order model.
-        position: (k + 1, 2) [m]; NaN where x and y are not known.
-        h: (k + 1, m) barrier values at the control times.
-        min_h: (k + 1, m) their least values since the control time before, as far as reported.
-        tracking_error: (k + 1,) ‖p_ref − p‖ [m]; NaN of an environment without a reference.
-        reward: (k,).
-        u_nominal: (k, n_u) of the policy.
-        u: (k, n_u) what was applied.
-        psi: (k, m) what the filter's rows keep from falling below zero; NaN without a filter.
-        slack: (k, m) violation of the filter's rows; zeros without a filter.
-        delta: (k, m) the program's own relaxation; zeros without a filter.
-        status: (k,) `FilterStatus`; NOMINAL without a filter.
-        deadlock: (k,) whether the robot stood though u* requested motion; None where the model has
-            no velocity.
-        obstacle_force: (k, n) largest contact force with each box during the step [N].
-        names: of the m barriers.
-        priority: (m,) of the barriers; 1 is strict.
-        fell: whether the robot fell.
-        reached: whether the goal was reached: for "track", within the scenario's goal radius at
-            its own end; None where the environment does not report it.
-        task: of the scene, "track" or "reach"; None of an environment of your own.
-    """
-
-    time: Array
-    state: Array
-    position: Array
-    h: Array
-    min_h: Array
-    tracking_error: Array
-    reward: Array
-    u_nominal: Array
-    u: Array
-    psi: Array
-    slack: Array
-    delta: Array
-    status: Integers
+    time: Array  # (k + 1,) [s]
+    state: Array  # (k + 1, n) of the reduced-order model
+    position: Array  # (k + 1, 2) [m]; NaN where x and y are not known
+    h: Array  # (k + 1, m) barrier values at the control times
+    min_h: Array  # (k + 1, m) their least values since the control time before, as far as reported
+    tracking_error: Array  # (k + 1,) ‖p_ref − p‖ [m]; NaN of an environment without a reference
+    reward: Array  # (k,)
+    u_nominal: Array  # (k, n_u) of the policy
+    u: Array  # (k, n_u) what was applied
+    psi: Array  # (k, m) what the filter's rows keep from falling below zero; NaN without a filter
+    slack: Array  # (k, m) violation of the filter's rows; zeros without a filter
+    delta: Array  # (k, m) the program's own relaxation; zeros without a filter
+    status: Integers  # (k,) `FilterStatus`; NOMINAL without a filter
+    # (k,) whether the robot stood though u* requested motion; None where the model has no velocity
     deadlock: Mask | None
-    obstacle_force: Array
-    names: tuple[str, ...]
-    priority: Integers
-    fell: bool
+    obstacle_force: Array  # (k, n) largest contact force with each box during the step [N]
+    names: tuple[str, ...]  # of the m barriers
+    priority: Integers  # (m,) of the barriers; 1 is strict
+    fell: bool  # whether the robot fell
+    # whether the goal was reached: for "track", within the scenario's goal radius at its own end;
+    # None where the environment does not report it
     reached: bool | None
-    task: str | None = None
+    task: str | None = None  # of the scene, "track" or "reach"; None of an environment of your own
 
     @property
     def intervention(self) -> Array:

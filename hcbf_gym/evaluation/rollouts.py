@@ -36,27 +36,18 @@ MEANS = (
 
 @dataclass(frozen=True)
 class Case:
-    """One cell of an evaluation: an environment, a scene, a policy and a program.
+    """One cell of an evaluation: an environment, a scene, a policy and a program."""
 
-    Args:
-        env: one of `ENVIRONMENTS`, or ``file.py:function`` or ``module:function`` that returns
-            (environment, plant).
-        scenario: what `hcbf_gym.scenarios.make` takes; not read with an environment of your own.
-        policy: as `policies.make` takes it.
-        program: a program's name, or "none".
-        options: of the program and the filter.
-        env_options: further arguments of the environment.
-        v_max: cap on the speed [m/s] in the scene's place; None leaves it.
-        steps: the most that an episode takes; None for as many as the environment does.
-    """
-
+    # one of `ENVIRONMENTS`, or ``file.py:function`` or ``module:function`` that returns
+    # (environment, plant)
     env: str
-    scenario: Any
-    policy: str
-    program: str
-    options: Mapping[str, Any] | None = None
-    env_options: Mapping[str, Any] | None = None
-    v_max: float | None = None
+    scenario: Any  # what `hcbf_gym.scenarios.make` takes; not read with an environment of your own
+    policy: str  # as `policies.make` takes it
+    program: str  # a program's name, or "none"
+    options: Mapping[str, Any] | None = None  # of the program and the filter
+    env_options: Mapping[str, Any] | None = None  # further arguments of the environment
+    v_max: float | None = None  # cap on the speed [m/s] in the scene's place; None leaves it
+    # the most that an episode takes; None for as many as the environment does
     steps: int | None = None
 
     def make(self, render_mode: str | None = None, seed: int = 0) -> gym.Env:

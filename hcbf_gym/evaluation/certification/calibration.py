@@ -51,25 +51,15 @@ Try = Callable[[Uncertainty, Sequence[tuple[int, tuple[float, ...]]], str], list
 
 
 class Round(NamedTuple):
-    """What one round showed.
+    """What one round showed."""
 
-    Attributes:
-        what: "round", or "search" whose attackers are no independent draws.
-        margins: that rows reserved.
-        first_seed: of its episodes.
-        episodes: how many.
-        entered: how many of them entered.
-        least_h: of the strict conditions on the position.
-        least_speed_h: of the speed limit [m/s]; None where there is none.
-    """
-
-    what: str
-    margins: dict[str, float]
-    first_seed: int
-    episodes: int
-    entered: int
-    least_h: float
-    least_speed_h: float | None
+    what: str  # "round", or "search" whose attackers are no independent draws
+    margins: dict[str, float]  # that rows reserved
+    first_seed: int  # of its episodes
+    episodes: int  # how many
+    entered: int  # how many of them entered
+    least_h: float  # of the strict conditions on the position
+    least_speed_h: float | None  # of the speed limit [m/s]; None where there is none
 
 
 class Calibrated(NamedTuple):

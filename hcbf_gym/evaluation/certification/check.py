@@ -22,19 +22,12 @@ SAFER = 10.0
 
 @dataclass(frozen=True)
 class Checked:
-    """What a repetition of a part showed.
+    """What a repetition of a part showed."""
 
-    Attributes:
-        episodes: how many were run again.
-        differs: in what the file differs from what came out, a phrase for each.
-        elsewhere: in what it was computed otherwise than here, a phrase for each.
-        least_h: of the repeated episodes.
-    """
-
-    episodes: int
-    differs: tuple[str, ...]
-    elsewhere: tuple[str, ...]
-    least_h: float
+    episodes: int  # how many were run again
+    differs: tuple[str, ...]  # in what the file differs from what came out, a phrase for each
+    elsewhere: tuple[str, ...]  # in what it was computed otherwise than here, a phrase for each
+    least_h: float  # of the repeated episodes
 
 
 def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Checked:

@@ -28,28 +28,19 @@ HELD = 0.04
 
 @dataclass(frozen=True)
 class OwnEpisode:
-    """What to run.
+    """What to run."""
 
-    Args:
-        source: as `make` takes it.
-        attack: one of `attacks.ON_ANY_MODEL`, "searched" with parameters, or a policy as
-            `policies.make` takes it.
-        seed: of the environment and the attack.
-        steps: the most that it takes.
-        filter_options: arguments of `SafetyFilter`.
-        parameters: of the searched attacker, as `attacks.Searched` takes them.
-        uncertainty: what rows reserve; None is the plant's own.
-        scenario: the name of the scenes in counts, which the environment draws.
-    """
-
-    source: str
+    source: str  # as `make` takes it
+    # one of `attacks.ON_ANY_MODEL`, "searched" with parameters, or a policy as `policies.make`
+    # takes it
     attack: str
-    seed: int
-    steps: int
-    filter_options: Mapping[str, Any] | None = None
+    seed: int  # of the environment and the attack
+    steps: int  # the most that it takes
+    filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
+    # of the searched attacker, as `attacks.Searched` takes them
     parameters: tuple[float, ...] | None = None
-    uncertainty: Uncertainty | None = None
-    scenario: str = "own"
+    uncertainty: Uncertainty | None = None  # what rows reserve; None is the plant's own
+    scenario: str = "own"  # the name of the scenes in counts, which the environment draws
 
     def run(self) -> Outcome:
         """Run the episode to its end; a start counts in its least h where it is inside alone.

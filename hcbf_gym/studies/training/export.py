@@ -48,19 +48,12 @@ def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> Le
 
 
 class Report(NamedTuple):
-    """How a policy did over a set of scenes.
+    """How a policy did over a set of scenes."""
 
-    Attributes:
-        success: share of episodes that reached the goal.
-        returns: mean return.
-        seconds: mean length of an episode [s].
-        intervention: mean ‖u − u*‖ over all steps [m/s²]; 0 without a filter.
-    """
-
-    success: float
-    returns: float
-    seconds: float
-    intervention: float
+    success: float  # share of episodes that reached the goal
+    returns: float  # mean return
+    seconds: float  # mean length of an episode [s]
+    intervention: float  # mean ‖u − u*‖ over all steps [m/s²]; 0 without a filter
 
 
 def report(policy: LearnedPolicy, env: VectorEnv, seed: int) -> Report:

@@ -43,17 +43,11 @@ _ANY: dict[str, BaseDistribution] = dict.fromkeys(WINDOW, FloatDistribution(0.0,
 
 
 class Samples(NamedTuple):
-    """The samples of a study, in the order of their numbers.
+    """The samples of a study, in the order of their numbers."""
 
-    Attributes:
-        gamma0: (n,) γ₀.
-        delta_gamma: (n,) Δγ.
-        cost: (n,) r; infinity where the robot fell.
-    """
-
-    gamma0: Array
-    delta_gamma: Array
-    cost: Array
+    gamma0: Array  # (n,) γ₀
+    delta_gamma: Array  # (n,) Δγ
+    cost: Array  # (n,) r; infinity where the robot fell
 
     @property
     def best(self) -> int:
@@ -70,22 +64,15 @@ class Samples(NamedTuple):
 class TuningStudy:
     """One sampler's study of a problem, in a storage that may hold others.
 
-    Args:
-        problem: what the samples cost.
-        normal: N(µ, Σ) of the paper's sampling; the others do not read it.
-        sampler: a name in `SAMPLERS`.
-        seed: of the samples.
-        storage: an Optuna storage, or None for the memory of this process.
-
     Raises:
         UnknownNameError: if there is no such sampler.
     """
 
-    problem: Problem
-    normal: Normal
-    sampler: str = "normal"
-    seed: int = 0
-    storage: Any = None
+    problem: Problem  # what the samples cost
+    normal: Normal  # N(µ, Σ) of the paper's sampling; the others do not read it
+    sampler: str = "normal"  # a name in `SAMPLERS`
+    seed: int = 0  # of the samples
+    storage: Any = None  # an Optuna storage, or None for the memory of this process
 
     def __post_init__(self) -> None:
         choose("sampler", self.sampler, SAMPLERS)
