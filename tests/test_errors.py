@@ -32,7 +32,7 @@ NO_NUMBERS = (
 )
 
 
-@pytest.mark.parametrize("bent", NO_NUMBERS, ids=repr)
+@pytest.mark.parametrize("malformed", NO_NUMBERS, ids=repr)
 @pytest.mark.parametrize(
     "take",
     [
@@ -51,15 +51,15 @@ NO_NUMBERS = (
     ],
     ids=lambda take: "",
 )
-def test_what_is_no_real_number_is_no_coordinate(take, bent):
+def test_coordinates_are_real_numbers(take, malformed):
     with pytest.raises(InvalidInputError):
-        take(bent)
+        take(malformed)
 
 
-@pytest.mark.parametrize("bent", ["1.0", True, 1.0 + 0.0j, None, [1.0]])
-def test_a_radius_is_a_real_number(bent):
+@pytest.mark.parametrize("malformed", ["1.0", True, 1.0 + 0.0j, None, [1.0]])
+def test_a_radius_is_a_real_number(malformed):
     with pytest.raises(InvalidInputError):
-        Disc("a", 1, radius=bent)
+        Disc("a", 1, radius=malformed)
 
 
 @pytest.mark.parametrize("given", [(1, 0), [1.0, np.float32(0.0)], np.array([1, 0])])
@@ -68,10 +68,10 @@ def test_integers_and_arrays_are_coordinates(given):
 
 
 @pytest.mark.parametrize("name", list(Sensors.__dataclass_fields__))
-@pytest.mark.parametrize("bent", [1e160, np.inf, np.nan, -1.0, "1", True])
-def test_sensors_beyond_what_can_be_computed_with_are_refused(name, bent):
+@pytest.mark.parametrize("malformed", [1e160, np.inf, np.nan, -1.0, "1", True])
+def test_sensors_beyond_what_can_be_computed_with_are_refused(name, malformed):
     with pytest.raises(InvalidInputError):
-        Sensors(**{name: bent})
+        Sensors(**{name: malformed})
 
 
 @pytest.mark.parametrize("name", ["rate", "noise", "slip", "tilt", "drift_time"])
@@ -87,11 +87,11 @@ def test_what_is_warned_of_many_times_is_warned_once_also_where_it_fails():
                 warnings.warn(text, CoverageWarning, stacklevel=2)
             raise ZeroDivisionError
 
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         with pytest.raises(ZeroDivisionError):
             fails()
-    assert [(str(one.message), one.category) for one in said] == [
+    assert [(str(one.message), one.category) for one in raised] == [
         ("one", CoverageWarning),
         ("other", CoverageWarning),
     ]
@@ -124,7 +124,7 @@ def a_map(folder):
 
 @pytest.mark.parametrize("way", [an_environment, a_filter, a_loop, a_map])
 def test_a_warning_names_the_users_line(way, tmp_path):
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         way(tmp_path) if way is a_map else way()
-    assert {one.filename for one in said} == {__file__}
+    assert {one.filename for one in raised} == {__file__}

@@ -13,7 +13,7 @@ HEAVY = ("mujoco", "pinocchio", "matplotlib", "PIL", "jax", "torch")
 
 
 def run(code, *missing):
-    """Run code in a process of its own in which some modules cannot be imported."""
+    """Run code in a new process in which some modules cannot be imported."""
     blocked = f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", blocked + code],
@@ -43,8 +43,8 @@ def test_a_velocity_filter_needs_neither_mujoco_nor_pictures():
 import hcbf_gym
 from hcbf_gym.barriers import Disc
 robot = hcbf_gym.Robot(hcbf_gym.Command(forward=1.0, turn=1.0, look_ahead=0.2))
-door = hcbf_gym.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
-print(door.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
+safe = hcbf_gym.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+print(safe.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
 """
     assert run(code, *HEAVY) == ["True"]
 

@@ -200,7 +200,7 @@ def test_episodes_of_several_machines_in_one_folder_are_those_of_one(tmp_path, w
     assert len(list(together.iterdir())) == 2 * len(kept)  # another version is other work
 
 
-def test_a_try_of_several_spends_less_on_seeds_of_its_own():
+def test_a_try_of_several_spends_less_on_other_seeds():
     third = replace(FROZEN, attempt=3)
     assert third.doubt == pytest.approx(FROZEN.doubt / 8)
     assert third.fewest > FROZEN.fewest
@@ -220,8 +220,8 @@ def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
         "block": replace(whole, blocks=(first._replace(steps=first.steps + 1), *whole.blocks[1:])),
     }
     for what, one in forged.items():
-        told = check.check(Certificate.from_dict(one.to_dict()), 30, 0, runs).differs
-        assert any(phrase.startswith(what) for phrase in told), what
+        differs = check.check(Certificate.from_dict(one.to_dict()), 30, 0, runs).differs
+        assert any(phrase.startswith(what) for phrase in differs), what
     other = replace(whole, version="0.1.0", versions=dict(whole.versions) | {"numpy": "1"})
     assert len(check.check(other, 5, 0, runs).elsewhere) == 2
 
@@ -247,7 +247,7 @@ NEEDED = {
     [pytest.param(file, id=file.stem, marks=NEEDED.get(file.stem, ())) for file in FILES],
 )
 @pytest.mark.filterwarnings("ignore::hcbf_gym.errors.LoweredWarning")
-def test_every_file_says_of_plant_words_and_family_what_is_derived_today(file):
+def test_plant_words_and_family_of_every_file_are_those_that_are_derived_today(file):
     earned = certificates.load(file)
     family = families.from_dict(earned.family)
     if earned.version == version.VERSION:  # another version's plants and words are its own
@@ -298,7 +298,7 @@ def test_there_is_no_certificate_where_it_is_hopeless(tmp_path):
 
 UNDESERVED = {
     "a start inside": ("self.np_random.uniform(-0.2, -0.1)", "0.01", "none ever comes"),
-    "chance of its own": ("self.np_random.uniform(-0.2, -0.1)", "-1.0 - np.random.rand()", "seed"),
+    "an unseeded draw": ("self.np_random.uniform(-0.2, -0.1)", "-1.0 - np.random.rand()", "seed"),
     "min_h of one number": ("False, {}", "False, {'min_h': -1.0}", "expected 1 numbers"),
     "min_h in words": ("False, {}", "False, {'min_h': ['a']}", "expected 1 numbers"),
     "nothing declared": ("period=0.02", "period=0.02, declared={}", "any plant matches"),
@@ -330,7 +330,7 @@ VACUOUS = {
 
 
 @pytest.mark.parametrize("what", VACUOUS)
-def test_a_number_that_says_nothing_is_not_certified(what, tmp_path):
+def test_an_idle_test_is_not_certified(what, tmp_path):
     old, new, message = VACUOUS[what]
     text = (DRIFTING if "min_h" in what else MOVING).replace(old, new)
     assert new in text
@@ -410,7 +410,7 @@ def test_a_plant_that_no_certificate_could_cover_is_refused_at_once(value, messa
 
 
 def covers_its_own_barriers_alone(certificate):
-    """A boat that its certificate speaks of is covered, and not with a list of other barriers."""
+    """The boat of a certificate is covered, and not with a list of other barriers."""
     env, plant = own_environment.make(BOAT)
     others = [Disc("other", 1, (3.0, 0.0), 0.5)]
     for of, covered in ((plant, 1), (replace(plant, barriers=others), 0)):
@@ -478,7 +478,7 @@ def test_the_exact_way_is_no_deeper_than_a_finer_look_and_no_shallower_than_the_
         ).all()
 
 
-def test_policies_that_cannot_act_in_scenes_are_left_out_unless_they_are_asked_for():
+def test_policies_that_cannot_act_in_scenes_are_left_out_unless_they_are_requested():
     env = "HCBF-Regions-v0"
     usual = [name for name, _ in families.policies_in(env, {}, ["random", "random-wide"])]
     larger = [name for name, _ in families.policies_in(env, {}, ["random", "random-map"])]
@@ -506,13 +506,15 @@ def test_the_lowest_cap_leaves_a_walker_speed_beside_what_its_row_reserves(tmp_p
     certify.plant_of(most)
 
 
-@pytest.mark.parametrize(("pressed", "said"), [(80, ""), (46, ""), (44, "warned"), (39, "refused")])
-def test_a_first_round_that_presses_too_little_is_told_at_once(pressed, said):
+@pytest.mark.parametrize(
+    ("pressed", "outcome"), [(80, ""), (46, ""), (44, "warned"), (39, "refused")]
+)
+def test_a_first_round_that_presses_too_little_is_reported_at_once(pressed, outcome):
     seen = [Seen("edge", "own", 1.0, 9.0, 2.0, False, 0, 100, k < pressed) for k in range(100)]
-    if said == "refused":
+    if outcome == "refused":
         with pytest.raises(RefusedError, match="calibration: in 39 of 100 episodes"):
             calibration._check_stake(seen)
-    elif said == "warned":
+    elif outcome == "warned":
         with pytest.warns(SafetyWarning, match="there may be no certificate"):
             calibration._check_stake(seen)
     else:

@@ -220,7 +220,7 @@ def test_a_condition_without_an_outline_is_drawn_where_it_is_below_zero():
     for drawn in (filled, border):
         low, high = (f(drawn.get_paths()[0].vertices, axis=0) for f in (np.min, np.max))
         np.testing.assert_allclose([low, high], [[-0.5, -1.0], [1.5, 1.0]], atol=0.02)
-    assert scene_plot.draw_barriers(axes, [inside]) == []  # nothing says where the robot is
+    assert scene_plot.draw_barriers(axes, [inside]) == []  # the robot's position is not known
     far = np.array([0.0, 0.0, 9.0])
     assert scene_plot.draw_barriers(axes, [inside], 0.0, far) == []
 
@@ -264,7 +264,7 @@ def test_a_policy_that_cannot_act_is_refused_before_it_is_certified(own, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
+def test_ctrl_c_prints_how_to_resume(monkeypatch, capsys):
     def stopped(args):
         raise KeyboardInterrupt
 
@@ -274,7 +274,7 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
     assert capsys.readouterr().err == "interrupted; the same command resumes this run\n"
 
 
-def test_without_a_folder_every_run_has_one_of_its_own_and_the_same_run_its_old_one(
+def test_without_a_folder_every_run_has_another_and_the_same_run_its_old_one(
     own, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)

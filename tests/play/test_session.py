@@ -48,19 +48,19 @@ def test_a_person_who_steers_into_rank_1_for_ten_seconds_stays_out_of_it(session
     do(session, session.change, policy="human")
     do(session, session.steer, (1.0, 0.0))
     walk = [ticks(session, 1) for _ in range(500)]
-    assert max(said.position[0] for said in walk) > 1.2  # it did walk up to the region
+    assert max(now.position[0] for now in walk) > 1.2  # it did walk up to the region
     assert walk[-1].least[1] >= 0.0
-    assert {"NOMINAL", "SAFE"} <= {said.status for said in walk}
-    assert max(said.intervention for said in walk) > 0.1
+    assert {"NOMINAL", "SAFE"} <= {now.status for now in walk}
+    assert max(now.intervention for now in walk) > 0.1
 
 
 def test_without_a_filter_the_same_stick_leads_into_it(session):
     do(session, session.change, policy="human", program="none")
     do(session, session.steer, (1.0, 0.0))
-    said = ticks(session, 500)
-    assert said.least[1] < -0.4
-    assert said.status == "UNFILTERED"
-    assert said.slack == {1: 0.0, 2: 0.0}
+    now = ticks(session, 500)
+    assert now.least[1] < -0.4
+    assert now.status == "UNFILTERED"
+    assert now.slack == {1: 0.0, 2: 0.0}
 
 
 def test_a_dragged_stick_leads_to_its_point_and_stops_when_let_go(session):
@@ -75,23 +75,23 @@ def test_regions_move_change_size_and_rank_while_the_robot_walks(session):
     before = ticks(session, 50)
     do(session, session.move, "strict", (3.0, 0.1))
     do(session, session.resize, "strict", 0.8)
-    said = do(session, session.rank, "soft", 1)
-    moved = editing.region(said.scenario, "strict")
+    now = do(session, session.rank, "soft", 1)
+    moved = editing.region(now.scenario, "strict")
     assert moved.center == (3.0, 0.1)
     assert moved.radius == 0.8
-    assert set(said.h) == {1}
-    assert before.time < said.time < before.time + 0.1
-    expected = min(np.hypot(*(said.position - (3.0, 0.1))) - 0.8, said.position[1] + 3.0)
-    assert said.h[1] == pytest.approx(expected)
+    assert set(now.h) == {1}
+    assert before.time < now.time < before.time + 0.1
+    expected = min(np.hypot(*(now.position - (3.0, 0.1))) - 0.8, now.position[1] + 3.0)
+    assert now.h[1] == pytest.approx(expected)
 
 
 def test_a_scene_with_nothing_to_move_runs_too(session):
     limit = SpeedLimit("limit", 1, v_max=0.5)
     do(session, session.choose_scene, scenarios.Scenario("open", (limit,), GATE.reference))
-    said = ticks(session, 100)
-    assert editing.names(said.scenario) == []
-    assert said.h == {}
-    assert np.linalg.norm(said.velocity) <= 0.5
+    now = ticks(session, 100)
+    assert editing.names(now.scenario) == []
+    assert now.h == {}
+    assert np.linalg.norm(now.velocity) <= 0.5
 
 
 def test_what_was_refused_is_forgotten_with_the_next_command(session):
@@ -141,26 +141,26 @@ def test_every_region_of_a_scene_keeps_its_shape_when_it_is_moved_and_resized(na
         ("set_pace", (0.0,), "expected a number > 0"),
     ],
 )
-def test_what_cannot_be_done_is_said_and_changes_nothing(session, command, arguments, message):
+def test_what_cannot_be_done_is_reported_and_changes_nothing(session, command, arguments, message):
     before = ticks(session, 20)
-    said = do(session, getattr(session, command), *arguments)
-    assert message in said.message
-    assert said.messages == before.messages + 1
-    assert said.scenario == before.scenario
-    assert said.time == pytest.approx(before.time + 0.02)
+    now = do(session, getattr(session, command), *arguments)
+    assert message in now.message
+    assert now.messages == before.messages + 1
+    assert now.scenario == before.scenario
+    assert now.time == pytest.approx(before.time + 0.02)
 
 
 def test_a_policy_for_other_scenes_is_refused_with_its_reason(session):
-    said = do(session, session.change, policy="ppo")
-    assert "for which it was trained" in said.message
-    assert said.settings.policy == "pd"
+    now = do(session, session.change, policy="ppo")
+    assert "for which it was trained" in now.message
+    assert now.settings.policy == "pd"
 
 
 def test_a_region_on_the_goal_of_a_guided_robot_is_refused_and_the_way_stays(session):
     do(session, session.change, guidance=True, returns=False)
-    said = do(session, session.move, "strict", (4.0, 0.0))
-    assert "goal" in said.message
-    assert said.scenario == GATE
+    now = do(session, session.move, "strict", (4.0, 0.0))
+    assert "goal" in now.message
+    assert now.scenario == GATE
     assert ticks(session, 1000).position[0] == pytest.approx(4.0, abs=0.3)
 
 
@@ -170,9 +170,9 @@ def test_a_scene_survives_the_way_through_a_file(session):
     assert json.loads(content)["name"] == "gate"
     kept = session.latest.scenario.to_dict()
     do(session, session.choose_scene, "paper-simulation")
-    said = do(session, session.load_scene, content)
-    assert said.scenario.to_dict() == kept
-    assert said.time == pytest.approx(0.02)
+    now = do(session, session.load_scene, content)
+    assert now.scenario.to_dict() == kept
+    assert now.time == pytest.approx(0.02)
 
 
 def test_a_pause_stops_time_and_a_step_takes_one(session):
@@ -195,13 +195,13 @@ def test_a_seed_draws_a_random_scene_and_a_restart_keeps_it():
 def test_a_robot_goes_to_another_goal_and_keeps_its_own_where_no_way_leads(session):
     do(session, session.change, returns=False)
     ticks(session, 49)
-    said = do(session, session.go_to, (0.5, -2.0))
-    assert said.time == pytest.approx(1.02)
-    assert "0.50, -2.00" in said.message
+    now = do(session, session.go_to, (0.5, -2.0))
+    assert now.time == pytest.approx(1.02)
+    assert "0.50, -2.00" in now.message
     assert np.allclose(ticks(session, 1500).position, (0.5, -2.0), atol=0.3)
-    said = do(session, session.go_to, (2.0, 0.0))  # inside the strict region
-    assert "goal" in said.message
-    assert np.allclose(said.scenario.goal, (0.5, -2.0))
+    now = do(session, session.go_to, (2.0, 0.0))  # inside the strict region
+    assert "goal" in now.message
+    assert np.allclose(now.scenario.goal, (0.5, -2.0))
     do(session, session.choose_scene, "paper-simulation")
     assert "course" in do(session, session.go_to, (0.0, 1.0)).message
 
@@ -228,17 +228,17 @@ def test_regions_that_overlap_lie_at_heights_of_their_own_a_higher_rank_above():
     assert ranks == sorted(ranks, reverse=True)
 
 
-def test_a_robot_that_arrives_says_so_and_goes_on(session):
+def test_a_robot_that_arrives_reports_it_and_returns(session):
     messages = []
     for _ in range(3000):
         messages.append(ticks(session, 1).message)
         if "to the goal again" in messages[-1]:
             break
-    told = list(dict.fromkeys(messages))
-    assert told[0] == ""
-    assert told[1].startswith("Arrived after ")
-    assert told[2] == "Arrived; now back to the start."
-    assert told[-1] == "Arrived; now to the goal again."
+    distinct = list(dict.fromkeys(messages))
+    assert distinct[0] == ""
+    assert distinct[1].startswith("Arrived after ")
+    assert distinct[2] == "Arrived; now back to the start."
+    assert distinct[-1] == "Arrived; now to the goal again."
     assert np.allclose(session.latest.position, GATE.start, atol=0.3)
     do(session, session.restart)
     assert np.allclose(session.latest.scenario.goal, GATE.goal)
@@ -254,17 +254,17 @@ def test_a_course_begins_anew_when_it_has_ended(session):
 def test_the_first_key_takes_the_controls(session):
     assert session.latest.settings.policy == "pd"
     assert do(session, session.steer, (0.0, 0.0)).settings.policy == "pd"
-    said = do(session, session.steer, (0.0, 0.5))
-    assert said.settings.policy == "human"
-    assert "You steer" in said.message
+    now = do(session, session.steer, (0.0, 0.5))
+    assert now.settings.policy == "human"
+    assert "You steer" in now.message
     assert ticks(session, 50).velocity[1] == pytest.approx(0.5, abs=0.1)
 
 
 def test_a_policy_of_ones_own_drives(session, tmp_path):
     (tmp_path / "own.py").write_text("def act(o, i):\n    return [1.0, 0.0]\n", encoding="utf-8")
-    said = do(session, session.change, policy=f"{tmp_path / 'own.py'}:act")
-    assert said.settings.policy.endswith("own.py:act")
-    before = said.position[0]
+    now = do(session, session.change, policy=f"{tmp_path / 'own.py'}:act")
+    assert now.settings.policy.endswith("own.py:act")
+    before = now.position[0]
     assert ticks(session, 30).position[0] > before
 
 
@@ -273,13 +273,13 @@ def test_a_policy_of_ones_own_drives(session, tmp_path):
 def test_a_cart_is_steered_as_the_stick_points(robot):
     session = Session(Settings(model=robot, policy="human"), GATE)
     do(session, session.steer, (-0.3, 0.4))
-    said = ticks(session, 200)
-    assert said.body is not None
-    np.testing.assert_allclose(said.velocity, (-0.3, 0.4), atol=0.12)
-    assert said.least[1] >= 0.0
+    now = ticks(session, 200)
+    assert now.body is not None
+    np.testing.assert_allclose(now.velocity, (-0.3, 0.4), atol=0.12)
+    assert now.least[1] >= 0.0
 
 
-def test_a_robot_that_nobody_knows_is_refused_with_those_that_there_are():
+def test_a_robot_of_an_unknown_name_is_refused_with_the_choices():
     with pytest.raises(HcbfError, match=r"cart.*reduced"):
         Session(Settings(model="submarine"), GATE)
 
@@ -310,7 +310,7 @@ def test_the_clock_sets_the_pace_and_commands_come_from_any_thread(session):
     assert 0.1 < slow < 0.75
 
 
-def test_a_sentence_says_why_the_filter_brakes():
+def test_a_sentence_explains_why_the_filter_brakes():
     assert sentence("BACKUP", {}, {1: 0.3}, 0.5, Reason.STATE) == (
         "The filter brakes: the state is not finite, farther away than anything is, or of another "
         "shape than the model's, or a differential drive's heading is missing."
@@ -329,5 +329,5 @@ def test_a_sentence_says_why_the_filter_brakes():
         ("UNFILTERED", {}, "There is no filter, and nothing is hit."),
     ],
 )
-def test_a_sentence_says_who_pays_for_whom(status, slack, expected):
+def test_a_sentence_names_who_pays_for_whom(status, slack, expected):
     assert sentence(status, slack, {1: 0.3, 2: 0.2, 3: 0.1}, 0.5) == expected

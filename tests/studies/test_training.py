@@ -105,7 +105,7 @@ def test_an_exported_policy_ignores_what_never_varied_in_training():
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_a_killed_run_goes_on_from_its_checkpoint_as_if_nothing_had_happened(algorithm, tmp_path):
+def test_a_killed_run_continues_from_its_checkpoint_as_if_nothing_had_happened(algorithm, tmp_path):
     config = TINY[algorithm]
     whole = train(config, tmp_path / "whole")
 
@@ -224,7 +224,7 @@ def test_a_policy_for_another_observation_shape_is_refused_with_both_shapes(tmp_
         {"seed": -1},
     ],
 )
-def test_a_training_that_cannot_run_is_refused_at_the_door(wrong):
+def test_a_training_that_cannot_run_is_refused(wrong):
     with pytest.raises(HcbfError, match="expected"):
         TrainingConfig(**wrong)
 

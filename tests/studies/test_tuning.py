@@ -99,7 +99,7 @@ def journal(path):
 
 
 @pytest.mark.parametrize("sampler", ["normal", "tpe", "cmaes"])
-def test_a_killed_study_goes_on_with_the_samples_that_were_to_come(
+def test_a_killed_study_continues_with_the_samples_that_were_to_come(
     problem, sampler, tmp_path, monkeypatch
 ):
     storage = journal(tmp_path / "study.log")
@@ -118,10 +118,10 @@ def test_a_killed_study_goes_on_with_the_samples_that_were_to_come(
         TuningStudy(problem, Normal(), sampler, 1, storage).run(35)
     monkeypatch.setattr(Problem, "costs", whole)
     resumed = TuningStudy(problem, Normal(), sampler, 1, journal(tmp_path / "study.log")).run(35)
-    told = 20 if sampler == "cmaes" else 35  # CMA-ES draws by the numbers of trials, lost ones too
+    alike = 20 if sampler == "cmaes" else 35  # CMA-ES draws by the numbers of trials, lost ones too
     assert len(resumed.cost) == 35
     for got, expected in zip(resumed, unbroken, strict=True):
-        np.testing.assert_array_equal(got[:told], expected[:told])
+        np.testing.assert_array_equal(got[:alike], expected[:alike])
 
 
 def test_a_fall_costs_infinity_and_is_kept_as_such(problem, tmp_path, monkeypatch):
