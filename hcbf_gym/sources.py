@@ -10,6 +10,9 @@ from modulefinder import ModuleFinder
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
+NAMES = ("hcbf_gym", "hcbf_robots", "hcbf_lab")
+PACKAGES = tuple(PACKAGE.parent / name for name in NAMES)
+"""Where the sources are."""
 CORE = PACKAGE.parent / "core"
 """C++ sources, in a checkout."""
 REMEDY = "compile it in the checkout:\n    make core\nor install the package again"
@@ -49,8 +52,7 @@ def _packages_hash() -> str:
     """Return a hash of the core, of this package, and of those beside it that build on it."""
     from hcbf_gym import _core
 
-    packages = [one.parent for one in PACKAGE.parent.glob("hcbf_*/__init__.py")]
-    files = sorted(file for package in packages for file in package.rglob("*") if file.is_file())
+    files = sorted(file for package in PACKAGES for file in package.rglob("*") if file.is_file())
     lines = (
         f"{file.relative_to(PACKAGE.parent).as_posix()} {_digest(file)}"
         for file in files
@@ -66,8 +68,8 @@ def of_user(file: Path) -> list[Path]:
         top = top.parent
     if top != file.parent:
         package = top / file.relative_to(top).parts[0]
-        return [] if package == PACKAGE else sorted(package.rglob("*.py"))
-    finder = ModuleFinder([str(top)], excludes=["hcbf_gym", "hcbf_robots", "hcbf_lab"])
+        return [] if package in PACKAGES else sorted(package.rglob("*.py"))
+    finder = ModuleFinder([str(top)], excludes=list(NAMES))
     with contextlib.suppress(SyntaxError):  # reported where the file is imported
         finder.run_script(str(file))
     found = (getattr(one, "__file__", None) for one in finder.modules.values())

@@ -35,8 +35,8 @@ from hcbf_gym.errors import (
     require,
     warned_once,
 )
-from hcbf_gym.evaluation import own_environment
-from hcbf_gym.evaluation.environments import ENVIRONMENTS, Known
+from hcbf_gym.evaluation import environments, own_environment
+from hcbf_gym.evaluation.environments import Known
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
 from hcbf_gym.evaluation.jobs import Runs, versions
@@ -138,7 +138,7 @@ class Args:
     @property
     def known(self) -> Known:
         """What is known of the environment; nothing of a user's own."""
-        return ENVIRONMENTS.get(self.env, Known(None))
+        return environments.known().get(self.env, Known(None))
 
     @property
     def env_options(self) -> dict[str, Any]:
@@ -222,13 +222,13 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
 def _check(args: Args) -> None:
     """Refuse arguments that do not go together."""
     Runs(None, args.workers, args.backend).check()
-    if not (args.own or args.env in ENVIRONMENTS):
+    if not (args.own or args.env in environments.known()):
         raise UnknownNameError(
-            f"unknown environment: got {args.env!r}, expected one of {list(ENVIRONMENTS)}, "
+            f"unknown environment: got {args.env!r}, expected one of {list(environments.known())}, "
             "file.py:function or module:function"
         )
     for name in ("robot", "body"):
-        takes = [env for env, known in ENVIRONMENTS.items() if name in known.options]
+        takes = [env for env, one in environments.known().items() if name in one.options]
         value = getattr(args, name)
         if value != getattr(Args, name) and args.env not in takes:
             raise InvalidInputError(

@@ -10,8 +10,7 @@ import numpy as np
 
 from hcbf_gym import loading, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.evaluation import own_environment
-from hcbf_gym.evaluation.environments import ENVIRONMENTS
+from hcbf_gym.evaluation import environments, own_environment
 from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import Episode, rollout
 from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, upper_bound
@@ -38,7 +37,7 @@ MEANS = (
 class Case:
     """One cell of an evaluation: an environment, a scene, a policy and a program."""
 
-    # one of `ENVIRONMENTS`, or ``file.py:function`` or ``module:function`` that returns
+    # an id of `environments.known()`, or ``file.py:function`` or ``module:function`` that returns
     # (environment, plant)
     env: str
     scenario: Any  # what `hcbf_gym.scenarios.make` takes; not read with an environment of your own
@@ -66,10 +65,10 @@ class Case:
         plant = None
         if loading.is_function(self.env):
             env, plant = own_environment.make(self.env)
-        elif self.env not in ENVIRONMENTS:
+        elif self.env not in environments.known():
             raise UnknownNameError(
-                f"unknown environment: got {self.env!r}, expected one of {list(ENVIRONMENTS)}, "
-                "file.py:function or module:function"
+                f"unknown environment: got {self.env!r}, expected one of "
+                f"{list(environments.known())}, file.py:function or module:function"
             )
         else:
             env = gym.make(
