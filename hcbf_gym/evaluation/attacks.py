@@ -139,7 +139,7 @@ def _left(normal: Array) -> Array:
 
 @dataclass
 class Attack:
-    """One hostile policy; `rng` decides what is random about it."""
+    """One hostile policy, s → u*; `rng` decides what is random about it."""
 
     rng: np.random.Generator
     until: float = field(default=-1.0, init=False)
@@ -160,7 +160,6 @@ class Nearest(Attack):
     """Straight at the nearest strict region."""
 
     def act(self, s: View) -> Array:
-        """Return what lowers the least h."""
         return s.push(1.0)
 
 
@@ -168,15 +167,13 @@ class BangBang(Attack):
     """Corners of U, each held .1 to .5 s."""
 
     def act(self, s: View) -> Array:
-        """Return the corner chosen last."""
         return self.draw(s, 0.1, 0.5, lambda: s.corner(self.rng))
 
 
 class Wandering(Attack):
-    """A friendly one: inputs anywhere in U, each held .2 to 1 s."""
+    """A friendly one: random mixtures of the corners of U, each held .2 to 1 s."""
 
     def act(self, s: View) -> Array:
-        """Return a random mixture of the corners."""
         ones = np.ones(len(s.corners))
         return self.draw(s, 0.2, 1.0, lambda: self.rng.dirichlet(ones) @ s.corners)
 
@@ -185,24 +182,21 @@ class Rotating(Attack):
     """The full input, turning once in two seconds."""
 
     def act(self, s: Surroundings) -> Array:
-        """Return the direction of the moment."""
         angle = np.pi * s.time
         return full(np.array([np.cos(angle), np.sin(angle)]))
 
 
 class Corner(Attack):
-    """Into the corner of the two nearest strict rows."""
+    """Into the corner of the two nearest strict rows: down h₁ + .9 h₂."""
 
     def act(self, s: View) -> Array:
-        """Return what lowers h₁ + .9 h₂."""
         return s.push(1.0, 0.9)
 
 
 class Edge(Attack):
-    """1.6 m/s along a strict edge, reversing at random, pressed against it."""
+    """1.6 m/s along a strict edge, reversing at random, the rest of the input against it."""
 
     def act(self, s: Surroundings) -> Array:
-        """Return a chase of the speed along the edge, with the rest of the input against it."""
         side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
         along = _left(s.normal[0])
         chase = 10.0 * (1.6 * side - s.velocity @ along)
@@ -210,19 +204,17 @@ class Edge(Attack):
 
 
 class GaitPhase(Attack):
-    """Against the nearest region, sideways in step with the gait."""
+    """Against the nearest region, sideways in step with half periods of the gait."""
 
     def act(self, s: Surroundings) -> Array:
-        """Return the push with a lateral part that reverses with every half period."""
         half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0
         return full(-s.normal[0] + (2.0 * half - 1.0) * _left(s.normal[0]))
 
 
 class Slam(Attack):
-    """Backs off from the nearest region, and slams into it."""
+    """Backs off from the nearest region, and slams into it, each for a random time."""
 
     def act(self, s: View) -> Array:
-        """Return away or towards, each held for a random time."""
         sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
         return s.push(-sign)
 
@@ -244,7 +236,6 @@ class Searched(Attack):
     parameters: tuple[float, ...] = (0.5,) * 6
 
     def act(self, s: View) -> Array:
-        """Return a mixture of the attacks above."""
         second, sideways, period, jitter, speed, back = self.parameters
         length = 0.1 + 1.9 * period
         low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
@@ -285,7 +276,6 @@ class Trained(Attack):
     parameters: tuple[float, ...] = field(default_factory=_trained)
 
     def act(self, s: Surroundings) -> Array:
-        """Return the full input along W φ."""
         weights = np.reshape(self.parameters[:18], (2, 9))
         period, hold = np.exp2(np.clip(self.parameters[18:], -3.0, 3.0))
         sign = self.draw(s, 0.5 * hold, 1.5 * hold, lambda: self.rng.choice([-1.0, 1.0]))
@@ -306,7 +296,6 @@ class Called(Attack):
         self._function = function
 
     def act(self, s: Surroundings) -> Array:
-        """Return what the function returns."""
         return finite_array("attack", self._function(s), (2,))
 
 

@@ -1,7 +1,7 @@
 """One episode as it was recorded, for tables and pictures."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
+_REPORTED = ("u_nominal", "psi", "slack", "delta")
 Positions = Callable[[Array], Any]
 """x (n,) → (2,) where the robot is seen from above [m]."""
 
@@ -104,6 +105,25 @@ def _known(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
+def _walk(
+    env: gym.Env, policy: Policy, seed: int, plant: Plant | None, steps: int | None
+) -> tuple[list["_Look"], list[Sample]]:
+    """Run an episode; return its samples, and what a user's plant or the environment shows."""
+    looks: list[_Look] = []
+    observed: list[Sample] = []
+    placing = Placing(1)
+    most = None if steps is None else steps + 1
+    for sample in itertools.islice(samples(env, policy, seed), most):
+        if plant is None:
+            looks.append(_look(env.unwrapped, sample))
+        else:
+            looks.append(_look_own(plant, env, sample, looks, placing))
+        observed.append(sample)
+    if len(looks) < 2:
+        raise InvalidInputError("rollout: got an episode without a step, expected one at least")
+    return looks, observed
+
+
 class _Look(NamedTuple):
     """What is recorded of one sample."""
 
@@ -140,38 +160,21 @@ def rollout(
     own = not hasattr(inner, "barrier_set")
     if own and plant is None:
         plant = _plant_of(env)
-    observed: list[tuple[_Look, Sample]] = []
-    placing = Placing(1)
-    most = None if steps is None else steps + 1
-    for sample in itertools.islice(samples(env, policy, seed), most):
-        if own and plant:
-            look = _look_own(plant, env, sample, observed, placing)
-        else:
-            look = _look(inner, sample)
-        observed.append((look, sample))
-    looks, infos = [look for look, _ in observed], [sample.info for _, sample in observed]
-    taken = [sample for _, sample in observed[1:]]
-    if not taken:
-        raise InvalidInputError("rollout: got an episode without a step, expected one at least")
-    x, m = np.array([look.x for look in looks]), len(looks[0].h)
-    last = infos[-1]
-    records = [
-        sample.info.get("safety_filter") or _unfiltered(sample, plant, m) for sample in taken
-    ]
-    error = np.array([info.get("tracking_error", np.nan) for info in infos])
-    u_nominal = np.array([record["u_nominal"] for record in records])
+    looks, observed = _walk(env, policy, seed, plant if own else None, steps)
+    taken = observed[1:]
+    x, m, last = np.array([look.x for look in looks]), len(looks[0].h), observed[-1].info
+    reports = [one.info.get("safety_filter") or _unfiltered(one, plant, m) for one in taken]
+    columns = {name: np.array([report[name] for report in reports]) for name in _REPORTED}
+    error = np.array([one.info.get("tracking_error", np.nan) for one in observed])
     fell = bool(last.get("fallen", 0.0))
     if own:
         success = last.get("is_success", last.get("success"))
-        reached = None if success is None else bool(success)
-        stood = None  # only the planar double integrator has a velocity that a filter knows
-        if plant is not None and plant.model == DoubleIntegrator():
-            stood = np.array([bool(record["deadlock"]) for record in records])
+        reached, stood = None if success is None else bool(success), _stood(plant, reports)
     else:
         radius = inner.scenario.goal_radius
         reached = taken[-1].over and not fell and bool(error[-1] <= radius)
-        stood = deadlocked(x[1:, 2:], u_nominal, error[1:], radius)
-    forces = [info.get("obstacle_force", ()) for info in infos[1:]]
+        stood = deadlocked(x[1:, 2:], columns["u_nominal"], error[1:], radius)
+    names, ranks = zip(*looks[0].conditions, strict=True)
     return Episode(
         time=np.array([look.time for look in looks]),
         state=x,
@@ -179,21 +182,25 @@ def rollout(
         h=np.array([look.h for look in looks]),
         min_h=np.array([look.min_h for look in looks]),
         tracking_error=error,
-        reward=np.array([float(sample.reward) for sample in taken]),
-        u_nominal=u_nominal,
-        u=np.array([record["u_safe"] for record in records]),
-        psi=np.array([record["psi"] for record in records]),
-        slack=np.array([record["slack"] for record in records]),
-        delta=np.array([record["delta"] for record in records]),
-        status=np.array([record["status"] for record in records], dtype=np.int64),
+        reward=np.array([float(one.reward) for one in taken]),
+        u=np.array([report["u_safe"] for report in reports]),
+        status=np.array([report["status"] for report in reports], dtype=np.int64),
         deadlock=stood,
-        obstacle_force=np.array(forces, dtype=np.float64),
-        names=tuple(condition.name for condition in looks[0].conditions),
-        priority=np.array([condition.rank for condition in looks[0].conditions], dtype=np.int64),
+        obstacle_force=np.array([one.info.get("obstacle_force", ()) for one in taken], np.float64),
+        names=names,
+        priority=np.array(ranks, dtype=np.int64),
         fell=fell,
         reached=reached,
         task=None if own else inner.scenario.task,
+        **columns,
     )
+
+
+def _stood(plant: Plant | None, reports: Sequence[Mapping[str, Any]]) -> Mask | None:
+    """Return (k,) deadlocks by a filter, which knows the planar double integrator's velocity."""
+    if plant is None or plant.model != DoubleIntegrator():
+        return None
+    return np.array([bool(report["deadlock"]) for report in reports])
 
 
 def _plant_of(env: gym.Env) -> Plant:
@@ -216,15 +223,15 @@ def _look(inner: Any, sample: Sample) -> _Look:
 
 
 def _look_own(
-    plant: Plant, env: gym.Env, sample: Sample, before: list[Any], placing: Placing
+    plant: Plant, env: gym.Env, sample: Sample, before: list[_Look], placing: Placing
 ) -> _Look:
     """Return what the plant of a user's environment shows."""
     counted = len(before) * (plant.period or CONTROL_DT)
     now = reading(plant, env.unwrapped, sample, counted, placing)
-    if before and len(now.h) != len(before[0][0].h):
+    if before and len(now.h) != len(before[0].h):
         raise InvalidInputError(
-            f"rollout: got {len(now.h)} barriers after {len(before[0][0].h)}, expected their "
-            "number to stay"
+            f"rollout: got {len(now.h)} barriers after {len(before[0].h)}, expected their number "
+            "to stay"
         )
     min_h = now.h
     if "min_h" in sample.info:
