@@ -81,9 +81,9 @@ class Certificate:
         falls: in how many episodes the robot fell.
         alarms: in how many the filter raised an alarm; with on_alarm="brake" the robot then
             stopped.
-        shown: how much was put to the test; None in a file that is too old to state it.
+        shown: how much was put to the test.
         strata: counts by policy and family of scenes.
-        blocks: what each `BLOCK` episodes showed; none in a file that is too old.
+        blocks: what each `BLOCK` episodes showed.
 
     Raises:
         InvalidInputError: if the numbers contradict each other.
@@ -108,7 +108,7 @@ class Certificate:
     least_h: float
     falls: int
     alarms: int
-    shown: Shown | None
+    shown: Shown
     strata: tuple[Stratum, ...]
     blocks: tuple[Block, ...]
 
@@ -126,20 +126,15 @@ class Certificate:
                 raise InvalidInputError(
                     f"certificate: got the {name} {text!r}, expected {expected}"
                 )
-        if (self.shown is None) != (not self.blocks):
-            raise InvalidInputError(
-                f"certificate: got {self.shown} with {len(self.blocks)} blocks, expected both or "
-                "neither"
-            )
         self._check_calibration()
         self._check_blocks()
         for source, name, expected in self._derived():
-            value = self.shown.pressed if name == "pressed" and self.shown else getattr(self, name)
+            value = self.shown.pressed if name == "pressed" else getattr(self, name)
             if not math.isclose(value, expected, rel_tol=1e-9):
                 raise InvalidInputError(
                     f"certificate: got {name} {value}, expected {expected} as {source} gives it"
                 )
-        why = "" if self.shown is None else vacuous(self.shown, self.episodes)
+        why = vacuous(self.shown, self.episodes)
         if why:
             raise InvalidInputError(f"certificate: {why}")
 
@@ -153,10 +148,9 @@ class Certificate:
             yield "the sum of strata", name, sum(getattr(s, name) for s in self.strata)
         least = min((s.least_h for s in self.strata), default=math.inf)
         yield "the least of strata", "least_h", least
-        if self.shown is not None:
-            for name in ("entered", "falls", "alarms", "pressed"):
-                yield "the sum of blocks", name, sum(getattr(one, name) for one in self.blocks)
-            yield "the least of blocks", "least_h", min(one.least_h for one in self.blocks)
+        for name in ("entered", "falls", "alarms", "pressed"):
+            yield "the sum of blocks", name, sum(getattr(one, name) for one in self.blocks)
+        yield "the least of blocks", "least_h", min(one.least_h for one in self.blocks)
 
     def _check_calibration(self) -> None:
         """Refuse rounds that reserved other things than those that were set."""
@@ -173,7 +167,7 @@ class Certificate:
 
     def _check_blocks(self) -> None:
         """Refuse blocks of another number or size, or whose counts contradict their least h."""
-        if self.blocks and len(self.blocks) != -(-self.episodes // BLOCK):
+        if len(self.blocks) != -(-self.episodes // BLOCK):
             raise InvalidInputError(
                 f"certificate: got {len(self.blocks)} blocks, expected one for every {BLOCK} of "
                 f"{self.episodes} episodes"
@@ -232,8 +226,8 @@ class Certificate:
 
     def _fields(self) -> dict[str, object]:
         data = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name in ("margins", "shown"):
-            data[name] = None if data[name] is None else data[name]._asdict()
+        data["margins"] = None if self.margins is None else self.margins._asdict()
+        data["shown"] = self.shown._asdict()
         data["strata"] = [asdict(stratum) for stratum in self.strata]
         data["try"] = data.pop("attempt")
         return records.plain(data)
@@ -255,8 +249,9 @@ class Certificate:
         try:
             for name in ("words", "calibration"):
                 values[name] = tuple(values[name])
-            for name, kind in (("margins", Uncertainty), ("shown", Shown)):
-                values[name] = None if values[name] is None else kind(**values[name])
+            if values["margins"] is not None:
+                values["margins"] = Uncertainty(**values["margins"])
+            values["shown"] = Shown(**values["shown"])
             values["blocks"] = tuple(Block(*block) for block in values["blocks"])
             values["strata"] = tuple(Stratum(**stratum) for stratum in values["strata"])
             values["attempt"] = values.pop("try")

@@ -55,7 +55,6 @@ from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend
-from hcbf_gym.programs.qp import check_solver
 from hcbf_gym.sources import sources_hash
 
 RESUMED = "the same command resumes this run"
@@ -101,12 +100,6 @@ class Args:
     """Weight γ₀ of all programs that take one [default: r 0.05, h 5.0]."""
     delta_gamma: Amount | None = None
     """Slope Δγ of their weights [default: h 1.3]."""
-    margin: Amount | None = None
-    """What strict rows reserve between h and zero [m; default: the environment's]."""
-    solver: str | None = None
-    """daqp, clarabel, or any solver that qpsolvers finds installed [default: none is needed]."""
-    feedback: Literal["measured", "position", "rom"] = "position"
-    """On which state the A1 closes its loop."""
     episodes: Count = 1
     """Episodes of each pair, with the seeds seed, seed + 1, …"""
     seed: Seed = 0
@@ -246,8 +239,6 @@ def _check(args: Args) -> None:
                 f"policy: got {policy!r} with {args.env}, whose observations it does not know; "
                 f"expected one of your own: {policies.FORMS}"
             )
-    if args.solver is not None:
-        check_solver(args.solver)
     if args.video:
         require("--video", "video", "moviepy")
 
@@ -282,9 +273,7 @@ def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
         options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}
         given = {"gamma0": args.gamma0, "delta_gamma": args.delta_gamma}
         options |= {k: v for k, v in given.items() if v is not None and k in accepted}
-        options |= {"solver": args.solver, "guidance": args.guidance}
-        if args.margin is not None:
-            options["margin"] = args.margin
+        options["guidance"] = args.guidance
     if args.own:
         steps = OWN_STEPS if args.steps is None else args.steps
         return Case(args.env, scene, policy, program, options, steps=steps)

@@ -43,5 +43,5 @@ def register(env: str, facts: Known) -> None:
         )
 
 
-register("HCBF-A1Regions-v0", Known("Unitree A1", ("feedback", "body")))
+register("HCBF-A1Regions-v0", Known("Unitree A1", ("body",)))
 register("HCBF-Regions-v0", Known("reduced-order model"))

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-from hcbf_gym import certificates, opened, sources
+from hcbf_gym import certificates, opened
 from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import BLOCK, Block, Certificate, Stratum, sequential
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
@@ -23,6 +23,7 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, fi
 from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 from hcbf_gym.models.plant import Plant, Uncertainty
+from hcbf_gym.sources import NAMES, PACKAGE
 from hcbf_lab.certification import calibration, families, own
 from hcbf_lab.certification.families import Family, Seen, run_searched, run_seed
 
@@ -55,12 +56,7 @@ def plant_of(family: Family) -> tuple[Plant, Info]:
 
 
 def calibrated(
-    family: Family,
-    start: Uncertainty,
-    runs: Runs,
-    episodes: int,
-    share: float,
-    seed: int,
+    family: Family, start: Uncertainty, runs: Runs, episodes: int, share: float, seed: int
 ) -> calibration.Calibrated:
     """Return margins for a family's plant, from episodes of it and from a search.
 
@@ -77,8 +73,9 @@ def calibrated(
     """
 
     def run(margins: Uncertainty, seeds: Sequence[int], title: str) -> list[Seen]:
-        job = functools.partial(run_seed, family, margins)
-        return in_order(over(runs, family, job, seeds, title))
+        return in_order(
+            over(runs, family, functools.partial(run_seed, family, margins), seeds, title)
+        )
 
     def attack(
         margins: Uncertainty, tried: Sequence[tuple[int, tuple[float, ...]]], title: str
@@ -92,11 +89,7 @@ def calibrated(
 
 
 def over(
-    runs: Runs,
-    family: Family,
-    job: Callable[[Any], Seen],
-    jobs: Sequence[Any],
-    title: str,
+    runs: Runs, family: Family, job: Callable[[Any], Seen], jobs: Sequence[Any], title: str
 ) -> Iterator[tuple[int, Seen]]:
     """Yield (number, what it showed) of a family's episodes; some of the saved ones run again."""
     episode, plant = family.episode(0), ""
@@ -107,14 +100,11 @@ def over(
 
 @dataclass(frozen=True)
 class Frozen:
-    """What is fixed before the first episode of a certificate; see `Certificate`.
-
-    `margins` of None is the plant's own law.
-    """
+    """What is fixed before the first episode of a certificate; see `Certificate`."""
 
     name: str
     family: Family
-    margins: Uncertainty | None
+    margins: Uncertainty | None  # None is the plant's own law
     calibration: tuple[Mapping[str, Any], ...]
     bound: float
     confidence: float = 0.999
@@ -156,17 +146,11 @@ class Frozen:
                 "the same plant at every call; make in `reset` what only an episode needs"
             )
         others = versions()
-        return {
-            "name": self.name,
+        names = ("name", "margins", "calibration", "bound", "confidence", "attempt", "first_seed")
+        return {name: getattr(self, name) for name in names} | {
             "plant": self.family.certifies(both[0]),
             "family": families.to_dict(self.family),
             "words": tuple(self.family.words),
-            "margins": self.margins,
-            "calibration": self.calibration,
-            "bound": self.bound,
-            "confidence": self.confidence,
-            "attempt": self.attempt,
-            "first_seed": self.first_seed,
             "version": others.pop("hcbf-gym"),
             "commit": commit(),
             "versions": others,
@@ -174,19 +158,17 @@ class Frozen:
 
 
 def commit() -> str:
-    """Return the commit of this package's checkout, with a + after edits; "" without a checkout."""
-    root = sources.PACKAGE.parent
+    """Return the commit of the packages' checkout, with a + after edits; "" without a checkout."""
+    root = PACKAGE.parent
     if not (root / ".git").exists():
         return ""
 
     def git(*arguments: str) -> str:
-        done = subprocess.run(
-            ["git", "-C", root, *arguments], capture_output=True, text=True, check=True
-        )
-        return done.stdout.strip()
+        command = ["git", "-C", root, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        edited = git("status", "--porcelain", "--", *sources.NAMES, "core")
+        edited = git("status", "--porcelain", "--", *NAMES, "core")
         return git("rev-parse", "--short=7", "HEAD") + "+" * bool(edited)
     except (OSError, subprocess.CalledProcessError):  # without git, or without a commit
         return ""
@@ -203,23 +185,24 @@ def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certifica
         fields = frozen.fields()
     read |= {str(file): opened.content(str(file)) for file in frozen.family.files}
     once, again = (run_seed(frozen.family, frozen.margins, frozen.first_seed) for _ in range(2))
+    refused = f"{frozen.name}: no certificate"
     if once != again:
         raise RefusedError(
-            f"{frozen.name}: no certificate: the episode of seed {frozen.first_seed} came out "
-            f"otherwise when it ran again (least h {once.least_h:+.4g}, {again.least_h:+.4g}); "
-            "expected that the seed decides all that the environment draws"
+            f"{refused}: the episode of seed {frozen.first_seed} came out otherwise when it ran "
+            f"again (least h {once.least_h:+.4g}, {again.least_h:+.4g}); expected that the seed "
+            "decides all that the environment draws"
         )
     seen = draw(frozen, runs, at_most)
     changed = [path for path, then in read.items() if opened.content(path) != then]
     if changed:
         raise RefusedError(
-            f"{frozen.name}: no certificate: {', '.join(changed)} changed while episodes ran, "
-            "expected the plant to stay; give the command again"
+            f"{refused}: {', '.join(changed)} changed while episodes ran, expected the plant to "
+            "stay; give the command again"
         )
     found = outcome(seen, frozen.bound)
     why = vacuous(found["shown"], len(seen))
     if why:
-        raise RefusedError(f"{frozen.name}: no certificate: {why}")
+        raise RefusedError(f"{refused}: {why}")
     return Certificate(**fields, **found)
 
 
@@ -246,20 +229,26 @@ def draw(frozen: Frozen, runs: Runs, at_most: int | None = None) -> list[Seen]:
             if tally.certified:
                 return seen
             if not runs.quiet and len(seen) % LOOK == 0:
-                Console(stderr=True).print(so_far(tally))
+                Console(stderr=True).print(_so_far(tally))
             if tally.hopeless:
                 why = f"P(enter) is above {frozen.bound / 2.0:.3g}, where none ever comes"
-                raise RefusedError(_refusal(frozen, seen, why))
+                raise RefusedError(_refusal(frozen, seen, tally, why))
         needed = sequential.episodes_needed(frozen.bound, tally.entered, frozen.doubt)
-    raise RefusedError(
-        _refusal(frozen, seen, f"{needed:,} are needed; continue with a greater --at-most")
-    )
+    why = f"{needed:,} are needed; continue with a greater --at-most"
+    raise RefusedError(_refusal(frozen, seen, tally, why))
 
 
-def so_far(tally: Tally) -> str:
-    """Return the count and the running bound in words."""
+def _so_far(tally: Tally) -> str:
     bound = sequential.running_bound(tally.entered, tally.episodes, tally.beta)
     return f"{tally.entered} of {tally.episodes:,} entered, P(enter) ≤ {bound:.3g} so far"
+
+
+def _refusal(frozen: Frozen, seen: Sequence[Seen], tally: Tally, why: str) -> str:
+    """Return why there is no certificate, what is known, and who entered."""
+    who = Counter(f"{s.policy} in {s.scene}" for s in seen if s.entered)
+    listed = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
+    most = f"; most by {listed}" if listed else ""
+    return f"{frozen.name}: no certificate: {_so_far(tally)}; {why}{most}"
 
 
 def episodes(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
@@ -277,17 +266,23 @@ def episodes(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
 
 def outcome(seen: Sequence[Seen], bound: float) -> dict[str, Any]:
     """Return the fields of a `Certificate` that follow from its episodes, in their order."""
-    entered = sum(one.entered for one in seen)
-    return {
+    blocks = tuple(_block(seen[k : k + BLOCK]) for k in range(0, len(seen), BLOCK))
+    totals = {
+        name: sum(getattr(one, name) for one in blocks) for name in ("entered", "falls", "alarms")
+    }
+    groups: dict[tuple[str, str], list[Seen]] = {}
+    for one in seen:
+        groups.setdefault((one.policy, one.scene), []).append(one)
+    return totals | {
         "episodes": len(seen),
-        "entered": entered,
-        "e_value": sequential.e_value(entered, len(seen), bound),
+        "e_value": sequential.e_value(totals["entered"], len(seen), bound),
         "least_h": min(one.least_h for one in seen),
-        "falls": sum(one.fell for one in seen),
-        "alarms": sum(one.alarm > 0 for one in seen),
         "shown": calibration.shown(seen),
-        "strata": _strata(seen),
-        "blocks": tuple(_block(seen[k : k + BLOCK]) for k in range(0, len(seen), BLOCK)),
+        "strata": tuple(
+            Stratum(*key, len(group), sum(s.entered for s in group), min(s.least_h for s in group))
+            for key, group in sorted(groups.items())
+        ),
+        "blocks": blocks,
     }
 
 
@@ -299,26 +294,3 @@ def _block(seen: Sequence[Seen]) -> Block:
         sum(one.alarm > 0 for one in seen), min(one.least_h for one in seen),
         speed if np.isfinite(speed) else None,
     )  # fmt: skip
-
-
-def _strata(seen: Sequence[Seen]) -> tuple[Stratum, ...]:
-    """Return the counts of each policy in each family of scenes."""
-    groups: dict[tuple[str, str], list[Seen]] = {}
-    for one in seen:
-        groups.setdefault((one.policy, one.scene), []).append(one)
-    return tuple(
-        Stratum(*key, len(group), sum(s.entered for s in group), min(s.least_h for s in group))
-        for key, group in sorted(groups.items())
-    )
-
-
-def _refusal(frozen: Frozen, seen: Sequence[Seen], why: str) -> str:
-    """Return why there is no certificate, what is known, and who entered."""
-    entered = [s for s in seen if s.entered]
-    tally = Tally(frozen.bound, frozen.doubt, len(entered), len(seen))
-    who = Counter(f"{s.policy} in {s.scene}" for s in entered)
-    listed = ", ".join(f"{name} ({count})" for name, count in who.most_common(3))
-    return (
-        f"{frozen.name}: no certificate: {so_far(tally)}; {why}"
-        f"{'; most by ' + listed if listed else ''}"
-    )

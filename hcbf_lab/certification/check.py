@@ -9,7 +9,7 @@ import numpy as np
 from hcbf_gym import records
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 from hcbf_lab.certification import calibration, certify, families
 from hcbf_lab.certification.families import Family, Seen, run_seed
@@ -38,15 +38,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
         episodes: at least so many, in whole blocks.
         seed: decides which.
         runs: how they run.
-
-    Raises:
-        InvalidInputError: if the file is too old to hold what is compared.
     """
-    if certificate.shown is None:
-        raise InvalidInputError(
-            f"check: got {certificate.name!r}, which lacks what its episodes showed, expected one "
-            "that this version of `hcbf certify` wrote"
-        )
     family = families.from_dict(certificate.family)
     differs = stated_otherwise(certificate, family) + _drawn_otherwise(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))

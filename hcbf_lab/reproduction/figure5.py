@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +22,6 @@ from hcbf_lab.reproduction.trajectories import of_episodes, side_by_side
 from hcbf_lab.tuning import WINDOW, Normal, Problem, Samples, Trajectories, TuningStudy, simulate
 from hcbf_lab.tuning.cost_map import inside
 
-Model = Literal["both", "rom"]
-"""On which models a figure is drawn: reduced-order model and A1, or the first alone."""
 SCENE = "paper-simulation"
 R_WEIGHT = 0.05
 """γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less."""
@@ -44,7 +42,7 @@ _INNER = (1.0, 4.75)
 """Range of γ₀ in which a valley is interior: inside the window with samples on either side."""
 
 
-def fig5(runs: Runs, folder: Path, quick: bool, model: Model = "both") -> dict[str, Any]:
+def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
 
     Returns ``claims`` {text: bool} and the figures they rest on, in JSON types.
@@ -60,8 +58,6 @@ def fig5(runs: Runs, folder: Path, quick: bool, model: Model = "both") -> dict[s
         "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
         "distance_of_r_and_h_with_equal_weights": _distance_with_equal_weights(),
     }
-    if model == "rom":
-        return result
     of_a1 = _on_a1(runs, folder, quick, rom)
     return result | of_a1 | {"claims": result["claims"] | of_a1["claims"]}
 

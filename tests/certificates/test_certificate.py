@@ -86,7 +86,7 @@ def test_a_file_that_was_changed_is_refused(tmp_path):
         ({"e_value": 2000.0}, "got e_value 2000"),
         ({"first_seed": 7}, "got first_seed 7"),
         ({"strata": ()}, "as the sum of strata"),
-        ({"blocks": ()}, "0 blocks, expected both or neither"),
+        ({"blocks": ()}, "0 blocks, expected one for every 10"),
         ({"falls": -1}, "falls: got -1"),
         ({"falls": 1}, "as the sum of blocks"),
         ({"least_h": np.nan}, "least_h"),

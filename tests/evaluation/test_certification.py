@@ -37,25 +37,17 @@ def test_the_reserve_is_more_than_any_need_and_grows_as_fewer_may_need_more():
     assert calibration.quantile([-0.1, -0.2], 1e-3) == 0.0
 
 
+def seen(least_h, speed_h=9.0, first_h=1.0, alarm=0, pressed=True):
+    return Seen("nearest", "own", least_h, speed_h, first_h, False, alarm, 100, pressed)
+
+
 def plant(need, first_h=1.0, alarm=0, follows=1.0):
     """Return what runs episodes of a plant that needs up to `need` metres."""
 
     def run(margins, seeds, title):
         needs = [need * np.random.default_rng(s).uniform(0.5, 1.0) for s in seeds]
-        return [
-            Seen(
-                "nearest",
-                "own",
-                follows * margins.distance - n,
-                9.0,
-                first_h,
-                False,
-                alarm,
-                100,
-                True,
-            )
-            for n in needs
-        ]
+        reserved = follows * margins.distance
+        return [seen(reserved - n, first_h=first_h, alarm=alarm) for n in needs]
 
     return run
 
@@ -99,9 +91,7 @@ def test_a_plant_that_does_not_deserve_margins_is_refused(run, message):
 
 def test_a_speed_limit_of_which_the_margin_leaves_nothing_is_refused():
     def run(margins, seeds, title):
-        return [
-            Seen("edge", "own", 1.0, margins.speed - 0.3, 2.0, False, 0, 100, True) for _ in seeds
-        ]
+        return [seen(1.0, margins.speed - 0.3, 2.0) for _ in seeds]
 
     with pytest.raises(RefusedError, match="leaves no speed"):
         calibration.calibrate(Uncertainty(), run, None, 50, 1e-3, 0, v_max=0.5)
@@ -109,10 +99,10 @@ def test_a_speed_limit_of_which_the_margin_leaves_nothing_is_refused():
 
 def test_a_search_goes_where_episodes_get_worse():
     def attack(margins, tried, title):
-        return [Seen("searched", "own", 1.0 - p[0], 9.0, 1.0, False) for _, p in tried]
+        return [seen(1.0 - p[0]) for _, p in tried]
 
-    seen = calibration.search(Uncertainty(), attack, 0)
-    first, last = seen[: calibration.POPULATION], seen[-calibration.POPULATION :]
+    found = calibration.search(Uncertainty(), attack, 0)
+    first, last = found[: calibration.POPULATION], found[-calibration.POPULATION :]
     assert np.mean([s.least_h for s in last]) < np.mean([s.least_h for s in first]) - 0.1
 
 
@@ -195,8 +185,7 @@ def test_episodes_of_several_machines_in_one_folder_are_those_of_one(tmp_path, w
 def test_a_try_of_several_spends_less_on_other_seeds():
     third = replace(FROZEN, attempt=3)
     assert third.doubt == pytest.approx(FROZEN.doubt / 8)
-    assert third.fewest > FROZEN.fewest
-    assert third.first_seed == FROZEN.first_seed + 3_000_000
+    assert (third.fewest > FROZEN.fewest, third.first_seed - FROZEN.first_seed) == (True, 3_000_000)
 
 
 def test_a_part_repeats_and_a_forged_file_does_not(whole, tmp_path):
@@ -246,12 +235,6 @@ def test_plant_words_and_family_of_every_file_are_those_that_are_derived_today(f
         assert check.stated_otherwise(earned, family) == []
 
 
-def test_a_file_of_before_cannot_be_repeated():
-    old = replace(certificates.load("regions"), shown=None, blocks=())
-    with pytest.raises(InvalidInputError, match="lacks what its episodes showed"):
-        check.check(old, 10, 0, Runs(None, workers=1, quiet=True))
-
-
 DRIFTING = """
 import gymnasium as gym, hcbf_gym, numpy as np
 from hcbf_gym import barriers, models
@@ -283,13 +266,11 @@ def asked(tmp_path, text, steps=12, bound=0.4):
     return certify.Frozen("mine", family, Uncertainty(), (), bound)
 
 
-def test_there_is_no_certificate_where_it_is_hopeless(tmp_path):
-    with pytest.raises(RefusedError, match=r"P\(enter\) is above 0.2, where none ever comes"):
-        boat(tmp_path / "chunks", frozen=asked(tmp_path, DRIFTING))
-
-
 UNDESERVED = {
-    "a start inside": ("self.np_random.uniform(-0.2, -0.1)", "0.01", "none ever comes"),
+    "a start inside": (
+        "self.np_random.uniform(-0.2, -0.1)", "0.01",
+        r"P\(enter\) is above 0.2, where none ever comes",
+    ),
     "an unseeded draw": ("self.np_random.uniform(-0.2, -0.1)", "-1.0 - np.random.rand()", "seed"),
     "min_h of one number": ("False, {}", "False, {'min_h': -1.0}", "expected 1 numbers"),
     "min_h in words": ("False, {}", "False, {'min_h': ['a']}", "expected 1 numbers"),
@@ -352,7 +333,7 @@ def test_episodes_of_other_data_are_not_taken_wherever_a_plant_reads_them(place,
     file = tmp_path / "lag"
     text = reading(file, place, LAGGED)
 
-    def seen(lag, folder):
+    def episodes(lag, folder):
         for forget in (loading._of_file.cache_clear, loading._opened.clear):
             forget()  # as in a new process
         file.write_text(lag)
@@ -360,11 +341,10 @@ def test_episodes_of_other_data_are_not_taken_wherever_a_plant_reads_them(place,
         runs = Runs(tmp_path / folder, workers=1, quiet=True)
         return list(certify.episodes(frozen, runs, range(20)))
 
-    slow = seen("0.05", "kept")
-    assert seen("0.05", "kept") == slow
-    fast = seen("-1.0", "kept")
-    assert fast != slow
-    assert fast == seen("-1.0", "empty")
+    slow = episodes("0.05", "kept")
+    assert episodes("0.05", "kept") == slow
+    fast = episodes("-1.0", "kept")
+    assert fast == episodes("-1.0", "empty") != slow
 
 
 def test_a_certificate_of_a_plant_whose_data_changed_while_it_ran_is_refused(
@@ -502,12 +482,12 @@ def test_the_lowest_cap_leaves_a_walker_speed_beside_what_its_row_reserves(tmp_p
     ("pressed", "outcome"), [(80, ""), (46, ""), (44, "warned"), (39, "refused")]
 )
 def test_a_first_round_that_presses_too_little_is_reported_at_once(pressed, outcome):
-    seen = [Seen("edge", "own", 1.0, 9.0, 2.0, False, 0, 100, k < pressed) for k in range(100)]
+    shown = [seen(1.0, first_h=2.0, pressed=k < pressed) for k in range(100)]
     if outcome == "refused":
         with pytest.raises(RefusedError, match="calibration: in 39 of 100 episodes"):
-            calibration._check_stake(seen)
+            calibration._check_stake(shown)
     elif outcome == "warned":
         with pytest.warns(SafetyWarning, match="there may be no certificate"):
-            calibration._check_stake(seen)
+            calibration._check_stake(shown)
     else:
-        calibration._check_stake(seen)
+        calibration._check_stake(shown)

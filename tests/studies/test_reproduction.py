@@ -139,9 +139,3 @@ def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, argum
     assert json.loads((tmp_path / "settings.json").read_text()) == {"study": "something else"}
 
 
-def test_the_reduced_order_model_has_figure_5_alone(tmp_path):
-    from hcbf_lab.reproduction import command
-
-    with pytest.raises(InvalidInputError, match=r"expected one of \['fig5'\]"):
-        command.main(command.Args("fig6", model="rom", output=tmp_path))
-    assert not list(tmp_path.iterdir())
