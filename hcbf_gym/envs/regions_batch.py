@@ -9,7 +9,6 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
-from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.scenarios import Hooks, Moment, Scenario, Scene
 from hcbf_gym.scenarios.scene import write
 
