@@ -460,7 +460,7 @@ def calls() -> dict[str, Call]:
         "scenarios.load": Call(scenarios.load, given(path="nowhere.json")),
         "scenarios.register": Call(scenarios.register, given(
             name="called", draw=lambda generator, scene: None, shapes=1, v_max=1.0,
-            draw_many=None, floor=None, hooks=scenarios.Hooks(),
+            floor=None, hooks=scenarios.Hooks(),
         )),
         "scenarios.families": Call(scenarios.families, {}),
         "scenarios.family_of": Call(scenarios.family_of, given(scenario="random")),
@@ -487,7 +487,7 @@ def calls() -> dict[str, Call]:
             given(observation=np.zeros(8), info={}),
         ),
         "LearnedPolicy()": Call(net.__call__, given(observation=np.zeros(net.mean.shape), info={})),
-        "Geodesic": Call(guidance.Geodesic, given(count=1, through=0, cell=0.1, period=0.5)),
+        "Geodesic": Call(guidance.Geodesic, given(count=1, through=0, cell=0.1)),
         "Geodesic.reset": Call(
             guidance.Geodesic().reset,
             given(barriers=[DISC], goal=(4.0, 0.0), extent=None, clearance=0.0, start=(0.0, 0.0)),

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import (
@@ -25,13 +24,14 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
+from hcbf_gym.scenarios.floor import Floor
 from hcbf_robots.maps import packing, reading
 from hcbf_robots.maps.cover import Cover, boxes
 from hcbf_robots.maps.map_class import MapClass
 
 
 @dataclass(frozen=True, eq=False)
-class RankedMap(Several):
+class RankedMap(Floor):
     """Cells of a grid in classes, each with its rank. It never changes: `update` returns another.
 
     In a list of barriers it is one condition a class, in the order of the classes. All outside the

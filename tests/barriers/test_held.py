@@ -22,7 +22,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
     rows,
 )
-from hcbf_gym.barriers.limits import check_limits
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError
 

@@ -1,4 +1,4 @@
-"""A goal that guidance cannot reach brakes with a reason of its own; one that moves is followed."""
+"""A goal that guidance cannot reach brakes with its reason; one that moves is followed."""
 
 from contextlib import nullcontext
 
@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import SyncVectorEnv
 
 import hcbf_gym
-from hcbf_gym import guidance, models
+from hcbf_gym import _core, models
 from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.guidance import Geodesic
@@ -82,7 +82,7 @@ def by_wrapper(ranked, led, goal=GOAL):
 
 
 def by_vector(ranked, led, goal=GOAL):
-    """Of two plants, the first in a room without a zone: it goes on."""
+    """Of two plants, the first in a room without a zone: it drives."""
     env = SyncVectorEnv([lambda: Room(a_map(zone=False)), lambda: Room(ranked, goal)])
     env = VectorSafetyFilter(env, plant=plant_of_many(), guidance=led)
     env.reset()
@@ -199,15 +199,15 @@ def test_an_alarm_does_not_hide_it():
 
 @pytest.fixture
 def computed(monkeypatch):
-    """How many fields were computed in each call of `fields.solve`."""
+    """The goals for which fields were computed."""
     calls = []
-    solve = guidance.geodesic.fields.solve
+    solve = _core.solve_field
 
     def counted(*args):
-        calls.append(args[2].copy())
+        calls.append(args[3].copy())
         return solve(*args)
 
-    monkeypatch.setattr(guidance.geodesic.fields, "solve", counted)
+    monkeypatch.setattr(_core, "solve_field", counted)
     return calls
 
 

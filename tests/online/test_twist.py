@@ -59,18 +59,18 @@ def test_what_is_measured_at_any_rate_is_compared_with_its_own_twist(fault, ever
 @pytest.mark.parametrize("late", [0.0, 0.1, 0.19, 0.3])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_lateness_that_stays_is_no_alarm_and_hides_none(late, fault):
-    door = VelocityFilter(EXACT, FAR, period=PERIOD, max_age=0.35)
-    told, place, past, reasons = np.zeros(3), np.zeros(2), [], []
+    safe = VelocityFilter(EXACT, FAR, period=PERIOD, max_age=0.35)
+    given, place, past, reasons = np.zeros(3), np.zeros(2), [], []
     for k in range(400):
         now = 7.0 + PERIOD * k
-        past.append((now, place, told[:2]))
+        past.append((now, place, given[:2]))
         stamp, *known = next((p for p in reversed(past) if p[0] <= now - late + 1e-9), past[0])
         at, moves = FAULTS[fault](*known)
         wanted = (np.sign(np.sin(2.0 * now)), 0.6 * np.sign(np.sin(3.1 * now)), 0.0)
         pose, twist = (*at, 0.0), (*moves, 0.0)
-        told, report = door.step(wanted, pose, twist, stamp, now)
+        given, report = safe.step(wanted, pose, twist, stamp, now)
         reasons.append(int(report["reason"]))
-        place = place + PERIOD * told[:2]
+        place = place + PERIOD * given[:2]
     if fault == "none":
         assert not any(reasons)
     else:

@@ -55,7 +55,7 @@ def test_the_batch_never_needs_a_backup_or_leaves_the_set():
             assert (result.status < FilterStatus.BACKUP).all()
 
 
-def test_the_batch_is_planar_and_says_so():
+def test_the_batch_is_planar():
     with pytest.raises(InvalidInputError, match="expected 2"):
         programs.make_batch("h-cbf-qp", input_set=Box.symmetric(5.0, n_u=3))
     rows = CbfRows(np.zeros((3, 1, 2)), *np.zeros((2, 3, 1)), np.ones((3, 1), dtype=int))
@@ -232,7 +232,7 @@ def test_the_input_is_in_the_set_even_where_squares_overflow(name):
     assert (np.abs(result.u) <= 5.0).all()
 
 
-def test_every_row_may_have_a_priority_of_its_own():
+def test_every_row_may_have_its_own_priority():
     m = 100  # more than the ranks that a filter has
     rng = np.random.default_rng(8)
     rows = CbfRows(
