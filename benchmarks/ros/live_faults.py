@@ -83,7 +83,7 @@ def main(trials: int = 3) -> int:
             log = folder / "node.log"
             assert planner.change(Transition.TRANSITION_CONFIGURE), log.read_text("utf-8")
             assert planner.change(Transition.TRANSITION_ACTIVATE)
-            planner.wants = lambda: (0.3, 0.4)
+            planner.wants = lambda: (0.3, 0.0, 0.4)
             assert planner.spin(10.0, planner.moving), planner.message
             for case in CASES:
                 wrong, held = [], 0
