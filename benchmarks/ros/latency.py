@@ -12,12 +12,14 @@ other threads; the simulated robot's path is judged by the map's true squares.
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,14 +103,15 @@ def main(minutes: float, robot: str, *, friendly: bool) -> None:
         command = [sys.executable, "-m", "benchmarks.ros.latency", str(parameters), str(notes)]
         with process(folder, "robot", *words) as simulated:
             running = subprocess.Popen(command)
-            watched = Watched(running.pid)
+            sizes = list[float]()
+            look = partial(_look, running.pid, sizes)
             if friendly:
-                _lead(planner, watched, 60.0 * minutes)
+                _lead(planner, look, 60.0 * minutes)
             else:
                 plan = errands.hostile(errands.Room(depot, 0))
-                planner.wants = _turning(plan, planner)
+                planner.wants = lambda: plan(planner.pose)
                 assert planner.spin(120.0, planner.moving)
-                planner.spin(60.0 * minutes, watched.look)
+                planner.spin(60.0 * minutes, look)
             running.send_signal(signal.SIGINT)
             running.wait(20.0)
             ended(simulated, signal.SIGTERM)
@@ -116,34 +119,20 @@ def main(minutes: float, robot: str, *, friendly: bool) -> None:
         found = json.loads(notes.read_text("utf-8"))
     planner.destroy_node()
     rclpy.try_shutdown()
-    loads = watched.loads
-    print(f"load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
-    print(f"the node's last message: {planner.message}")
-    _show(found, watched.sizes)
+    print(f"load {os.getloadavg()[2]:.1f}; the node's last message: {planner.message}")
+    _show(found, sizes)
 
 
-class Watched:
-    """The memory of a process [MB] and the machine's load, once a second.
-
-    Args:
-        process: its number.
-    """
-
-    def __init__(self, process: int):
-        self._process, self._next = process, time.monotonic()
-        self.sizes: list[float] = []
-        self.loads = [os.getloadavg()[0]]
-
-    def look(self) -> bool:
-        """Look where a second has passed; return False."""
-        if time.monotonic() >= self._next:
-            self._next += 1.0
-            self.sizes.append(_resident(self._process))
-            self.loads.append(os.getloadavg()[0])
-        return False
+def _look(process: int, sizes: list[float], began: float = time.monotonic()) -> bool:
+    """Note the resident memory of a process once a second [MB]; return False."""
+    if time.monotonic() - began >= len(sizes):
+        status = Path(f"/proc/{process}/status").read_text("utf-8")
+        (size,) = re.findall(r"VmRSS:\s*(\d+)", status)
+        sizes.append(int(size) / 1024.0)
+    return False
 
 
-def _lead(planner: Any, watched: Watched, seconds: float) -> None:
+def _lead(planner: Any, look: Callable[[], bool], seconds: float) -> None:
     """Let the robot go to and fro between the goals for so long, and print how often it did."""
     from geometry_msgs.msg import PoseStamped
 
@@ -156,25 +145,16 @@ def _lead(planner: Any, watched: Watched, seconds: float) -> None:
         message = PoseStamped()
         message.header.frame_id = "odom"
         message.pose.position.x, message.pose.position.y = goal
-        planner.wants = _turning(pursuit([goal], 0.8), planner)
+        plan = pursuit([goal], 0.8)
+        planner.wants = lambda plan=plan: plan(planner.pose)
         goals.publish(message)
 
         def is_there(goal: tuple[float, float] = goal) -> bool:
-            watched.look()
+            look()
             return math.dist(planner.pose[:2], goal) <= 0.4
 
         arrived += planner.spin(min(90.0, ends - time.monotonic()), is_there)
     print(f"{arrived} of {legs} legs (the last is under way)")
-
-
-def _turning(plan: Any, planner: Any) -> Callable[[], tuple[float, float]]:
-    """Return what a plan wants of a differential drive now, (v, ω)."""
-
-    def wants() -> tuple[float, float]:
-        ahead, _, turn = plan(planner.pose)
-        return ahead, turn
-
-    return wants
 
 
 def _judge(places: Array, file: Path, reach: float) -> None:
@@ -187,30 +167,19 @@ def _judge(places: Array, file: Path, reach: float) -> None:
           f"{apart.min():+.3f} m at least")  # fmt: skip
 
 
-def _resident(process: int) -> float:
-    """Return the resident memory of a process [MB]."""
-    for line in Path(f"/proc/{process}/status").read_text("utf-8").splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024.0
-    return math.nan
-
-
 def _show(found: dict[str, Any], sizes: list[float]) -> None:
     """Print the distribution, the longest with the jobs beside them, and the memory."""
     ends, taken = np.array(found["taken"]).T
-    first, settled = ends[0], ends > ends[0] + SETTLED
+    settled = ends > ends[0] + SETTLED
     ends, taken, own = ends[settled], 1e3 * taken[settled], 1e3 * np.array(found["own"])[settled]
     for what, times in (("latency", taken), ("its thread's own time", own)):
         half, almost = np.quantile(times, [0.5, 0.99])
         print(f"{what} of {times.size} commands: median {half:.2f} ms, 99 % {almost:.2f} ms, "
               f"longest {times.max():.2f} ms")  # fmt: skip
-    for k in np.argsort(taken)[:-6:-1]:
-        begun, end = ends[k] - 1e-3 * taken[k], ends[k]
-        beside = {
-            name for name, since, until in found["spans"] if since < end and until > begun
-        }  # fmt: skip
-        print(f"  {taken[k]:.2f} ms, {own[k]:.2f} of them its own, at {end - first:.1f} s, beside "
-              f"{sorted(beside) or 'nothing'}")  # fmt: skip
+    end = ends[np.argmax(taken)]
+    begun = end - 1e-3 * taken.max()
+    beside = {name for name, since, until in found["spans"] if since < end and until > begun}
+    print(f"  the longest beside {sorted(beside) or 'nothing'}")
     for what in ("laser", "walls", "field"):
         spans = [1e3 * (until - since) for name, since, until in found["spans"] if name == what]
         if spans:

@@ -45,12 +45,12 @@ PARAMETERS = """hcbf_filter:
 """
 
 
-def follows(pose: Array) -> tuple[float, float]:
+def follows(pose: Array) -> tuple[float, float, float]:
     """Return the velocity along the path, as if nothing were there."""
     ahead = pose[0] + AHEAD
     away = np.array([ahead, np.interp(ahead, *PATH)]) - pose[:2]
     turn = math.remainder(math.atan2(away[1], away[0]) - pose[2], math.tau)
-    return 0.8 * max(0.0, math.cos(turn)), float(np.clip(2.0 * turn, -1.0, 1.0))
+    return 0.8 * max(0.0, math.cos(turn)), 0.0, float(np.clip(2.0 * turn, -1.0, 1.0))
 
 
 def nearest(path: Path) -> float:
@@ -89,7 +89,7 @@ def silence(planner: Planner, found: dict[str, str]) -> None:
     """Let a base of this process jump, and the planner fall silent; then it moves again."""
     planner.base = Base(planner)
     planner.base.pose = np.array([6.0, 3.0, 0.0])  # free, as far as a jump from where it was
-    planner.wants = lambda: (0.3, 0.4)  # round and round
+    planner.wants = lambda: (0.3, 0.0, 0.4)  # round and round
     found["moves after a jump"] = moves(planner)
     planner.wants = None
     found["planner silent"] = planner.stops(0.25, "command")
@@ -97,7 +97,7 @@ def silence(planner: Planner, found: dict[str, str]) -> None:
     planner.given.clear()
     planner.spin(0.5)
     found["silent after stop_pub_timeout"] = "publishes" if planner.given else ""
-    planner.wants = lambda: (0.3, 0.4)
+    planner.wants = lambda: (0.3, 0.0, 0.4)
     found["publishes again"] = moves(planner)
 
 
@@ -110,14 +110,14 @@ def zones(planner: Planner, found: dict[str, str]) -> None:
     """Let a zone of rank 2 come around the robot, and go; refuse an invalid one."""
     base = planner.base
     assert base is not None
-    planner.wants = lambda: (0.0, 0.0)
+    planner.wants = lambda: (0.0, 0.0, 0.0)
     planner.spin(0.5)
     around = np.array([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)]) + base.pose[:2]
     zone = ConvexPolygon("guest", 2, tuple(map(tuple, around.tolist())))
     planner.show(around)
     out = planner.spin(8.0, lambda: zone.jet(np.array([*base.pose[:2], 0.0, 0.0])).h > 0.0)
     found["drives out of a zone around it"] = "" if out else f"stands: {planner.message}"
-    planner.wants = lambda: (0.3, 0.4)
+    planner.wants = lambda: (0.3, 0.0, 0.4)
     planner.show(around[[0, 2, 1, 3]])  # crosses itself
     found["an invalid polygon"] = planner.stops(PERIOD, "guest")
     planner.show([])

@@ -59,7 +59,7 @@ def try_case(base: Base, name: str, rng: np.random.Generator) -> str:
     late, wrong = given[zero][0] - begun, list[str]()
     if late > case.within + LATE + PERIOD + SLACK:
         wrong.append(f"zero after {late:.2f} s")
-    if case.lasts and any(any(one[1:]) for one in given[zero:]):
+    if case.lasts is None and any(any(one[1:]) for one in given[zero:]):
         wrong.append(f"moves again: {messages}")
     if not any(reason in one for reason in case.reason.split("|") for one in messages):
         wrong.append(f"names another reason: {messages}")
@@ -83,7 +83,7 @@ def main(trials: int = 3) -> int:
             log = folder / "node.log"
             assert planner.change(Transition.TRANSITION_CONFIGURE), log.read_text("utf-8")
             assert planner.change(Transition.TRANSITION_ACTIVATE)
-            planner.wants = lambda: (0.3, 0.4)
+            planner.wants = lambda: (0.3, 0.0, 0.4)
             assert planner.spin(10.0, planner.moving), planner.message
             for case in CASES:
                 wrong, held = [], 0

@@ -47,14 +47,14 @@ class Planner(Node):
         period: of the commands [s].
 
     Attributes:
-        wants: (v, ω) now [m/s, rad/s]; None publishes nothing.
+        wants: (v_x, v_y, ω) now [m/s, rad/s]; None publishes nothing.
         given: (time on the steady clock, v, ω) of each message on cmd_vel.
         heard: called with each diagnostic.
     """
 
     def __init__(self, period: float = PERIOD) -> None:
         super().__init__("planner")
-        self.wants: Callable[[], tuple[float, float]] | None = None
+        self.wants: Callable[[], tuple[float, float, float]] | None = None
         self.given: list[tuple[float, float, float]] = []
         self.counts: dict[str, int] = {}
         self.heard: Callable[[str], Any] = str
@@ -100,8 +100,7 @@ class Planner(Node):
 
     def _drive(self) -> None:
         if self.wants is not None and (self.base is None or self.base.without != "command"):
-            v, w = self.wants()
-            self.say((v, 0.0, w))
+            self.say(self.wants())
 
     def say(self, wanted: Any, frame: str = "base_footprint") -> None:
         """Publish a velocity (3,)."""
@@ -207,8 +206,7 @@ class Base:
     @property
     def wanted(self) -> tuple[float, float, float]:
         """(3,) the planner's command [m/s, rad/s]."""
-        v, w = self.planner.wants() if self.planner.wants is not None else (0.0, 0.0)
-        return v, 0.0, w
+        return (0.0, 0.0, 0.0) if self.planner.wants is None else self.planner.wants()
 
     def _tick(self) -> None:
         now, (v, w) = time.monotonic(), self.velocity

@@ -77,14 +77,8 @@ class Follower:
         cos, sin = math.cos(yaw), math.sin(yaw)
         ahead = self._adapter.look_ahead
         forward, aside = motion[0], motion[1] + motion[2] * ahead
-        return np.array(
-            [
-                x + ahead * cos,
-                y + ahead * sin,
-                cos * forward - sin * aside,
-                sin * forward + cos * aside,
-            ]
-        )
+        velocity = cos * forward - sin * aside, sin * forward + cos * aside
+        return np.array([x + ahead * cos, y + ahead * sin, *velocity])
 
     def now(self, velocity: Array, yaw: float, present: float) -> Array:
         """Return (2,) the model's velocity at a present [s], in the world [m/s].

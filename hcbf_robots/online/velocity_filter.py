@@ -84,11 +84,10 @@ class VelocityFilter:
 
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
-        barriers: the ranked conditions on the robot's position, in the frame of the pose, as far
-            from its origin as survey coordinates are. A shape that moves is where it is put at the
-            first step since it was set; `set_barriers` takes another time. Functions of time count
-            from the first step since the reset, whatever the clock. The attribute may be set anew
-            at any time, as `goal`, `v_max` and `program`.
+        barriers: the ranked conditions on the robot's position, in the frame of the pose, also in
+            survey coordinates. A shape that moves is where it is put at the first step since it was
+            set; `set_barriers` takes another time. Functions of time count from the first step
+            since the reset. It may be set at any time, as `goal`, `v_max` and `program`.
         program: a name from `hcbf_gym.programs.names()` that is compiled.
         period: the longest regular time between two calls [s]; shorter ones do no harm. A command
             is good for that long.
@@ -398,7 +397,11 @@ class VelocityFilter:
         given = sample_of(pose, twist, time)
         sample = given if now is None else self._odometry.newest(given, number(now))
         present = given.stamp if now is None else number(now)
-        self._go_on(present)
+        self._look_back(present)
+        self._clock.look(present)
+        self._core.began = self._clock.zero
+        if self._time is not None and present - self._time > LATE * self._period:
+            self._miss()
         age = 0.0 if now is None else present - sample.stamp
         self._is_framed = self._is_framed or frame is not None
         correction = frame_of(frame) if frame is not None or not self._is_framed else UNKNOWN
@@ -426,14 +429,6 @@ class VelocityFilter:
         report["valid_until"] = np.float64(self._good_until)
         return out.astype(given_as), report
 
-    def _go_on(self, present: float) -> None:
-        """Let the clocks go on to the present [s], and note where samples are missing."""
-        self._look_back(present)
-        self._clock.look(present)
-        self._core.began = self._clock.zero
-        if self._time is not None and present - self._time > LATE * self._period:
-            self._miss()
-
     def _look(
         self, sample: Sample, correction: Array, present: float, age: float, *, is_new: bool
     ) -> tuple[Estimate, float, float, bool]:
@@ -456,16 +451,9 @@ class VelocityFilter:
         velocity = follower.now(body[2:], place[2], present) if sound else follower.velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
-        estimate = Estimate(
-            x,
-            self._clock.since(present),
-            odometry.covariance(self._core.uncertainty.confidence),
-            x,
-            lag,
-            place[2],
-            age=age,
-            fault=odometry.fault or None,
-        )
+        covariance = odometry.covariance(self._core.uncertainty.confidence)
+        time, fault = self._clock.since(present), odometry.fault or None
+        estimate = Estimate(x, time, covariance, x, lag, place[2], age=age, fault=fault)
         return estimate, float(place[2]), float(motion[2]), sound and not stale
 
     def _taken(

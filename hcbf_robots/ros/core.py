@@ -89,8 +89,6 @@ class NodeCore:
         newest = self.localization.newest
         return np.zeros(3) if newest is None else newest.pose
 
-    # -- messages ---------------------------------------------------------------------------------
-
     def hear_command(
         self, command: ArrayLike, now: Now, stamp: float | None = None, frame: str = ""
     ) -> bool:
@@ -188,8 +186,6 @@ class NodeCore:
             self._lost, self._plans = None, False
             self._show()
 
-    # -- what is prepared beside ------------------------------------------------------------------
-
     def of_scan(
         self, name: str, beams: Beams, mount: ArrayLike | None = None, stamp: float | None = None
     ) -> Entries:
@@ -269,8 +265,6 @@ class NodeCore:
             return None
         plans, self._plans = self._plans, False
         return self.goal if plans else None
-
-    # -- decisions --------------------------------------------------------------------------------
 
     def step(self, now: Now) -> Decision:
         """Decide the robot's velocity now."""
@@ -381,8 +375,6 @@ class NodeCore:
             self._zero_since = now.steady
         silent = now.steady - self._zero_since > self.settings.stop_pub_timeout
         return decision._replace(command=None) if silent else decision
-
-    # -- what is remembered -----------------------------------------------------------------------
 
     def _switch(self, other: VelocityFilter) -> None:
         """Continue with another filter, under the cap."""

@@ -70,14 +70,12 @@ class Intake:
             self._hear(kind, source.topic, partial(self._prepare, source.name, shown), quality)
         if source.filter_info_topic:
             info = partial(self._on_filter_info, source.name)
-            self._hear(optional.filter_info(), source.filter_info_topic, info, LATCHED)
+            self._hear(optional.nav2("CostmapFilterInfo"), source.filter_info_topic, info, LATCHED)
 
     def close(self) -> None:
         """Finish the present jobs, and no others."""
         self._worker.close()
         self._planner.close()
-
-    # -- what messages show -----------------------------------------------------------------------
 
     def _scan(self, name: str, message: Any) -> Entries:
         """Return what a scan shows; a frame that tf places becomes the expected one."""
@@ -152,8 +150,6 @@ class Intake:
         with self._lock:
             self._core.refuse_source(name, message)
         self._logger.warning(f"{name}: {message}", throttle_duration_sec=OFTEN)
-
-    # -- goals ------------------------------------------------------------------------------------
 
     def _on_goal(self, message: Any) -> None:
         goal, frame = messages.pose_of(message.pose)[:2], message.header.frame_id

@@ -76,8 +76,6 @@ class FilterNode(LifecycleNode):
         self._declare()
         self.add_on_set_parameters_callback(self._on_parameters)
 
-    # -- parameters -------------------------------------------------------------------------------
-
     def _given(self) -> dict[str, Any]:
         """Return name → value of what is set; an empty list of a file has no value."""
         found = self.get_parameters_by_prefix("")
@@ -117,8 +115,6 @@ class FilterNode(LifecycleNode):
         for text in dict.fromkeys(str(one.message) for one in raised):
             self.get_logger().warning(text)
 
-    # -- lifecycle --------------------------------------------------------------------------------
-
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Read the parameters; a value or a file that does not fit is FAILURE."""
         maps = logging.getLogger("hcbf_robots.maps")
@@ -156,7 +152,9 @@ class FilterNode(LifecycleNode):
             self._hear(PoseWithCovarianceStamped, settings.pose_topic, self._on_pose, RELIABLE)
         logger = self.get_logger()
         self._intake = Intake(core, self._lock, self._now, self._hear, self._transforms, logger)
-        service = self.create_service(optional.toggle() or SetBool, "~/toggle", self._on_toggle)
+        service = self.create_service(
+            optional.nav2("Toggle", "srv") or SetBool, "~/toggle", self._on_toggle
+        )
         self._undo.append((self.destroy_service, service))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(settings.period, self._on_period, clock=steady)
@@ -233,8 +231,6 @@ class FilterNode(LifecycleNode):
         made = self.create_subscription(kind, topic, callback, quality)
         self._undo.append((self.destroy_subscription, made))
 
-    # -- the path of a command --------------------------------------------------------------------
-
     def _now(self) -> Now:
         return Now(1e-9 * self.get_clock().now().nanoseconds, time.monotonic())
 
@@ -303,8 +299,6 @@ class FilterNode(LifecycleNode):
         with self._lock:
             self._configured.localization.hear_pose(pose, stamp, now, header.frame_id)
 
-    # -- requests ---------------------------------------------------------------------------------
-
     def _on_toggle(self, request: Any, response: Any) -> Any:
         """Switch between filtering and passing on, by Nav2's Toggle or SetBool."""
         enable = request.enable if hasattr(request, "enable") else request.data
@@ -325,7 +319,7 @@ def _check_imports(settings: Settings) -> None:
             "parameter pose_source: got 'tf' without tf2_ros, expected 'odom' or 'topic'"
         )
     described = [one.name for one in settings.sources if one.filter_info_topic]
-    if described and optional.filter_info() is None:
+    if described and optional.nav2("CostmapFilterInfo") is None:
         raise InvalidInputError(
             f"parameter {described[0]}.filter_info_topic: got it without nav2_msgs, expected "
             "topic, with base and multiplier by parameter"

@@ -13,19 +13,9 @@ def _found(module: str, *names: str) -> Any:
     return imported if all(hasattr(imported, name) for name in names) else None
 
 
-def state_message() -> Any:
-    """Return Nav2's message of the collision monitor's state, or None."""
-    return getattr(_found("nav2_msgs.msg"), "CollisionMonitorState", None)
-
-
-def filter_info() -> Any:
-    """Return Nav2's message that describes a mask, or None."""
-    return getattr(_found("nav2_msgs.msg"), "CostmapFilterInfo", None)
-
-
-def toggle() -> Any:
-    """Return Nav2's service that switches the monitor, or None."""
-    return getattr(_found("nav2_msgs.srv"), "Toggle", None)
+def nav2(name: str, kind: str = "msg") -> Any:
+    """Return one of Nav2's messages or services ("srv"), or None."""
+    return getattr(_found(f"nav2_msgs.{kind}"), name, None)
 
 
 class Transforms:

@@ -181,7 +181,7 @@ def by_name(sources: Sequence[str]) -> dict[str, Parameter]:
 
 
 def read(given: Mapping[str, object]) -> Settings:
-    """Return the settings that parameters make; what is not given has its default.
+    """Return the settings that parameters make; others have their defaults.
 
     Args:
         given: whole name → value, as a node or a file has them.

@@ -32,7 +32,7 @@ class Reporter:
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics")
         self._report = publisher(DiagnosticArray, "~/report")
         self._markers = publisher(MarkerArray, "~/markers")
-        self._state_kind = optional.state_message() or KeyValue
+        self._state_kind = optional.nav2("CollisionMonitorState") or KeyValue
         topic = core.settings.state_topic
         self._state = publisher(self._state_kind, topic) if topic else None
         self._decision: Decision | None = None
@@ -54,7 +54,12 @@ class Reporter:
         state = decision.action.name, decision.name
         if state != self._published and self._state is not None:
             self._published = state
-            self._state.publish(_state(self._state_kind, decision))
+            if self._state_kind is KeyValue:  # without Nav2
+                message = KeyValue(key=decision.action.name, value=decision.name)
+            else:
+                fields = {"action_type": int(decision.action), "polygon_name": decision.name}
+                message = self._state_kind(**fields)
+            self._state.publish(message)
         if self._report.get_subscription_count() > 0:
             self._report.publish(_array(_reported(decision), stamp))
         if now.steady - self._marked > SHOWN_EVERY and self._markers.get_subscription_count() > 0:
@@ -81,9 +86,8 @@ class Reporter:
         }
         for name, one in core.sources.items():
             fault = one.watch.fault(now)
-            values[f"source {name}"] = (
-                "off" if not one.enabled else fault.message if fault else "ok"
-            )
+            state = "ok" if fault is None else fault.message
+            values[f"source {name}"] = state if one.enabled else "off"
         status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         self._slowest = 0.0
         self._diagnostics.publish(_array(status, stamp))
@@ -99,13 +103,6 @@ def _reported(decision: Decision) -> DiagnosticStatus:
     ]
     level = bytes([decision.level])
     return DiagnosticStatus(level=level, name="report", message=decision.message, values=values)
-
-
-def _state(kind: Any, decision: Decision) -> Any:
-    """Return the collision monitor's state, or its two fields as key and value without Nav2."""
-    if kind is KeyValue:
-        return KeyValue(key=decision.action.name, value=decision.name)
-    return kind(action_type=int(decision.action), polygon_name=decision.name)
 
 
 def _array(status: DiagnosticStatus, stamp: Any) -> DiagnosticArray:

@@ -110,18 +110,6 @@ def test_one_stamp_an_hour_ahead_costs_no_more_than_itself(clock):
     assert min(speeds[8:]) > 0.0
 
 
-@pytest.mark.filterwarnings("ignore:.*")
-def test_data_from_before_max_age_brake():
-    safe = VelocityFilter(EXACT, FAR, period=PERIOD, max_age=0.1)
-    still = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for k in range(3):
-        given, report = safe.step((1.0, 0.0, 0.0), *still, 0.0, now=PERIOD * k)
-        assert given[0] > 0.0
-    given, report = safe.step((1.0, 0.0, 0.0), *still, 0.0, now=0.15)
-    assert report["reason"] == Reason.AGE
-    np.testing.assert_array_equal(given, np.zeros(3))
-
-
 def test_a_cart_whose_pose_is_missing_meets_the_map_where_it_was():
     cells = np.zeros((60, 60), dtype=bool)
     cells[:, 45] = True

@@ -15,11 +15,10 @@ from hcbf_gym.models.clocks import AHEAD
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.online import Robot, VelocityFilter
+from hcbf_robots.online import VelocityFilter
 from hcbf_robots.ros.parameters import Settings
 from hcbf_robots.ros.watches import Now, Watch
 from hcbf_robots.walkers import Walker
-from hcbf_robots.walkers.walker_parts import Command
 from tests.robots.walkers import LEARNED
 
 CARTS = ("cart", "holonomic-cart")
@@ -247,15 +246,6 @@ def test_invalid_barriers_and_limits_are_refused_at_construction():
             VelocityFilter("cart", barriers)
     with pytest.raises(InvalidInputError, match="one period"):
         VelocityFilter("cart", [], period=0.2, v_max=0.5)
-
-
-def test_a_robot_without_a_contract_reserves_more():
-    wall = [HalfPlane("wall", 1, (-1.0, 0.0), -2.0)]
-    known = VelocityFilter("cart", wall, radius=0.0)
-    command = Command(forward=1.2, turn=5.0, look_ahead=0.25)
-    unknown = VelocityFilter(Robot(command), wall, radius=0.0)
-    reports = [f.step((1.0, 0.0), *AT_REST, 0.0)[1] for f in (known, unknown)]
-    assert reports[1]["margin"][0] > reports[0]["margin"][0]
 
 
 @pytest.mark.parametrize("name", [*CARTS, *LEARNED])

@@ -166,7 +166,7 @@ def test_maps_and_zones_of_another_frame_are_refused(kind):
 
 
 def turned(x=0.0, y=0.0, z=0.0, w=1.0):
-    """Return a transform that is a rotation."""
+    """Return a transform with a rotation."""
     moved = SimpleNamespace(x=0.2, y=0.0, z=0.1)
     return SimpleNamespace(translation=moved, rotation=SimpleNamespace(x=x, y=y, z=z, w=w))
 

@@ -13,6 +13,7 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Scan, points_of
 from hcbf_robots.maps.scan import FINE
 from hcbf_robots.online import Command, Response, Robot, VelocityFilter
+from hcbf_robots.online.sample import placed
 from hcbf_robots.ros.sources import LONGEST_SWEEP, Beams
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
@@ -154,28 +155,20 @@ def wall(pose, angle, at=2.0):
 @pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (0.2, -0.1, 1.0)])
 def test_each_beam_of_a_turning_scanner_counts_from_where_it_was_taken(turn, mount):
     d = Drive(SCAN).run(0.5, command=False, scan=False)
-    begun, start, path = d.now.ros, d.pose.copy(), []
-    angles = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+    begun, start = d.now.ros, d.pose.copy()
+    angles = FINELY
 
     def at(after):
-        yaw = start[2] + turn * after
-        way = 0.5 * after
-        return np.array([start[0] + way, start[1], yaw])
+        return start + after * np.array([0.5, 0.0, turn])
 
     for k in range(11):
         d.now = d.now._replace(ros=begun + 0.01 * k, steady=d.now.steady + 0.01)
         pose = at(0.01 * k)
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
         d.say_odometry(pose, twist=(0.5 * cos, -0.5 * sin, turn))
-        path.append(pose)
-    ranges = []
-    for i, angle in enumerate(angles):
-        pose = at(SWEEP * i / 359)
-        cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        x, y, yaw = mount
-        sensor = np.array([pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y, pose[2] + yaw])
-        ranges.append(wall(sensor, angle))
-    ranges = np.where(np.array(ranges) < 5.0, ranges, np.inf)
+    sensors = [placed(at(SWEEP * i / 359), np.array(mount)) for i in range(360)]
+    ranges = np.array([wall(*one) for one in zip(sensors, angles, strict=True)])
+    ranges = np.where(ranges < 5.0, ranges, np.inf)
     beams = Beams(ranges, -np.pi, math.tau / 360, 0.05, 10.0, SWEEP / 359)
     shown = d.core.of_scan("scan", beams, mount, begun)
     assert d.core.hear_source("scan", shown, begun, d.now, "base_footprint")
@@ -202,22 +195,19 @@ def test_a_sweep_that_is_too_long_or_that_odometry_does_not_reach_is_refused():
 def turning(d, count=72):
     """Let a scanner turn once in `SWEEP`, a part of its beams in each tick."""
     angles = np.linspace(-np.pi, np.pi, count, endpoint=False)
-    state = {"at": 0, "ranges": [], "stamp": d.now.ros}
-    part = round(count * 0.01 / SWEEP) + 1
+    ranges, stamps, part = [], [], round(count * 0.01 / SWEEP) + 1
 
     def each(d):
-        if state["at"] == 0:
-            state["stamp"], state["ranges"] = d.now.ros, []
-        for angle in angles[state["at"] : state["at"] + part]:
+        stamps.append(d.now.ros)
+        for angle in angles[len(ranges) : len(ranges) + part]:
             far = wall(d.pose, angle)
-            state["ranges"].append(far if far < 6.0 else math.inf)
-        state["at"] += part
-        if state["at"] >= count:
-            state["at"] = 0
-            between = 0.01 / part
-            beams = Beams(np.array(state["ranges"]), -np.pi, math.tau / count, 0.05, 10.0, between)
-            shown = d.core.of_scan("scan", beams, None, state["stamp"])
-            d.core.hear_source("scan", shown, state["stamp"], d.now, "base_footprint")
+            ranges.append(far if far < 6.0 else math.inf)
+        if len(ranges) == count:
+            beams = Beams(np.array(ranges), -np.pi, math.tau / count, 0.05, 10.0, 0.01 / part)
+            shown = d.core.of_scan("scan", beams, None, stamps[0])
+            d.core.hear_source("scan", shown, stamps[0], d.now, "base_footprint")
+            ranges.clear()
+            stamps.clear()
 
     return each
 
