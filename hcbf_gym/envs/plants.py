@@ -81,11 +81,11 @@ class RankedRegions:
         if not judged.outside:
             return
         if judged.covered_by == CoveredBy.VERSION:
-            warn_of_version(judged.says[0])
+            warn_of_version(judged.reasons[0])
             return
         warn_caller(
             f"{name}: rank 1 is not promised (covered = 0), as the arguments leave what was "
-            f"tested: {'; '.join(judged.says)}",
+            f"tested: {'; '.join(judged.reasons)}",
             CoverageWarning,
         )
 

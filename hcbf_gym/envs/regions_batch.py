@@ -9,7 +9,6 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
-from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.scenarios import Hooks, Moment, Scenario, Scene
 from hcbf_gym.scenarios.scene import write
 
@@ -180,6 +179,6 @@ class RegionsBatch:
         own = tuple(np.array(list(self.barrier_set.own)).T)
         for s in range(SUBSTEPS):
             for i in range(len(x)):
-                x[i] = double_integrator_step(x[i], u[i], PHYSICS_DT, self._v_max[i])
+                x[i] = _core.double_integrator_step(x[i], u[i], PHYSICS_DT, self._v_max[i])
             self.barrier_set.write_own_values(x, self.time + (s + 1) * PHYSICS_DT, h)
             min_h[own] = np.minimum(min_h[own], h[own])

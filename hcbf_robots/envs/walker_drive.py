@@ -12,7 +12,7 @@ from hcbf_gym.envs.drive import Drive, Motion
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.walkers.response_monitor import ResponseMonitor
+from hcbf_robots.walkers.motion_monitor import MotionMonitor
 from hcbf_robots.walkers.walker_adapter import Adapter
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_terms import Observer, Source
@@ -46,7 +46,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
     ):
         walker, parts = simulation.walker, simulation.parts
         self.adapter = adapter
-        self._monitor = ResponseMonitor(walker.command, walker.response, widened)
+        self._monitor = MotionMonitor(walker.command, walker.response, widened)
         self._scale = walker.scale(parts)
         self._offset = walker.offset(parts, simulation.at.q)
         self.command: Array = np.zeros(len(walker.command.limits))
@@ -73,7 +73,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
         super().rest(position)
         self._velocity[:], self._speeds, self._drives = 0.0, np.zeros(2), False
         self._since = 0
-        self._monitor.forget()
+        self._monitor.reset()
         self._fault = Reason.NONE
         self.failed = False
 
@@ -118,7 +118,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
                 self.command[:] = self.adapter.command(
                     *self._wanted, simulation.yaw, simulation.yaw_rate
                 )
-            self._monitor.tell(self.command, self._began + k * self._timestep)
+            self._monitor.command(self.command, self._began + k * self._timestep)
             self.act()
         self._since += 1
         simulation.step(self.ctrl)
@@ -133,8 +133,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
             e, across = self._axes()
             x[2:] = self._speeds[0] * e + self._look_ahead * self._speeds[1] * across
         pose = np.array([body[0], body[1], yaw])
-        if self._monitor.observe(pose, body[2:], time):
-            self._fault = Reason.RESPONSE
+        self._fault = self._monitor.observe(pose, body[2:], time) or self._fault
         return Estimate(x, time, None, x, body - x, np.float64(yaw), fault=self._fault or None)
 
     def odometry(self) -> tuple[Array, float]:
