@@ -104,9 +104,9 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         footprint = footprint_of(body, simulation)
         reach = 0.0 if footprint is None else footprint.radius(simulation.home_joints)
         declared = Randomization.from_dict(randomization)
-        planned = a1_plant.derived_friction(declared)
-        if friction is not None:
-            planned = check_friction(friction)
+        sensed = None if estimation is None else sensors.make(estimation)
+        derived = a1_plant.derived_friction(declared)
+        planned = derived if friction is None else check_friction(friction)
         arguments = {
             "environment": "HCBF-A1Regions-v0",
             "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
@@ -116,7 +116,7 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
             "friction": None if friction is None else round(friction, 9),
             "terrain": terrain,
             "disturbances": disturbances,
-            "estimation": None if estimation is None else asdict(sensors.make(estimation)),
+            "estimation": sensed and asdict(sensed),
             "body": body,
         }
         known = a1_plant.plant_model(arguments, scenes.own, declared, planned, reach)
@@ -128,9 +128,7 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
             max_speed=known.v_max,
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
-        estimator = None
-        if estimation is not None:
-            estimator = Estimator(legs, foot_radius, estimation, timestep)
+        estimator = sensed and Estimator(legs, foot_radius, sensed, timestep)
         mass = float(controller.model.bodies.mass.sum())
         bounds = a1_plant.watch_bounds(declared, terrain, estimation is not None, mass)
         watch = Watch(legs, foot_radius, timestep, bounds)

@@ -126,9 +126,8 @@ class RegionsEnv(SingleRegions):
         task.check_started(self._started)
         step = self._batch.step(u[None])
         self._path.append(self.rom_state[:2])
-        info = task.first(step.info) | task.first(step.reward_terms)
-        reward = float(sum(terms[0] for terms in step.reward_terms.values()))
-        return step.observation[0], reward, bool(step.reached[0]), False, info
+        ended, info = bool(step.reached[0]), task.first(step.info)
+        return step.observation[0], float(step.reward[0]), ended, False, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return an (h, w, 3) top-down picture, or None without a render mode."""

@@ -14,15 +14,12 @@ from hcbf_gym.scenarios.scene import write
 
 
 class BatchStep(NamedTuple):
-    """A step of N environments: observation (N, n), name → (N,) reward terms, (N,), name → infos.
+    """A step of N environments."""
 
-    `reached` is whether a "reach" task's goal is reached; the infos lack the reward's terms.
-    """
-
-    observation: Array
-    reward_terms: dict[str, Array]
-    reached: Mask
-    info: dict[str, Array]
+    observation: Array  # (N, n)
+    reward: Array  # (N,)
+    reached: Mask  # (N,) whether a "reach" task's goal is reached
+    info: dict[str, Array]  # name → (N, …), the reward's terms included
 
 
 class References(NamedTuple):
@@ -174,7 +171,7 @@ class RegionsBatch:
         if restarting is not None:
             for term in terms.values():
                 term[restarting] = 0.0
-        return BatchStep(observation, terms, reached, info)
+        return BatchStep(observation, np.asarray(sum(terms.values())), reached, info | terms)
 
     def _evaluate_own(self, x: Array, u: Array, min_h: Array) -> None:
         """Write the least values of users' own barriers along the step from x (N, 4), in Python."""

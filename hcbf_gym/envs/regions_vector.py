@@ -160,12 +160,10 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         if restarting is not None and restarting.any():
             self._draw_scenes(restarting, {})
         step = self._batch.step(u, restarting)
-        reward = np.asarray(sum(step.reward_terms.values()))
-        terminated = step.reached
+        observation, reward, terminated, info = step
         truncated = self._batch.steps >= self._limit
         self._done = terminated | truncated
-        infos = self._report(step.info | step.reward_terms)
-        observation = step.observation
+        infos = self._report(info)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any():
             done, self._done = self._done, np.zeros(self.num_envs, dtype=np.bool_)
             self._draw_scenes(done, {})

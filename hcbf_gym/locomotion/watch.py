@@ -1,4 +1,4 @@
-"""What a walking robot notices of a plant that is not the one it was told of.
+"""Detection of a plant that is not the declared one, by a walking robot.
 
 Three signals over the last half second, from what the controller knows alone: its plan of stance
 and swing, the state as measured or estimated, the contacts and the torques it commanded.
@@ -22,7 +22,7 @@ WINDOW: int = _core.WATCH_WINDOW
 """Judgements over which the signals are taken."""
 
 FILLED = 0.25
-"""Share of the window that must be filled before anything is said."""
+"""Share of the window that must be filled before it is judged."""
 
 SETTLING = 0.01
 """How long a foot must have touched before its leg shows the trunk's velocity [s]."""
@@ -64,7 +64,7 @@ class Watch:
 
     *Slip* is how fast feet in planned stance move over the ground, ``mean |v − v_foot|`` with
     ``v_foot`` the trunk's velocity that a foot shows if it holds. A push makes feet slip fast but
-    shortly, so that a root mean square would tell less. *Lag* is how much better late torques
+    shortly, so that a root mean square would show less. *Lag* is how much better late torques
     explain the swinging joints, ``max_{d > D} c_d − max_{d ≤ D} c_d`` with
     ``c_d = corr(Δ²q̇_k, Δτ_{k−1−d})`` and D the longest declared delay in ticks. *Lift* is the mean
     acceleration that the controller has learnt to hold the trunk's height. All are taken over the

@@ -24,11 +24,11 @@ pytestmark = pytest.mark.usefixtures("released")
 
 
 def made(**options):
-    """Return the environment and the sentences that it warned with of what is not covered."""
-    with warnings.catch_warnings(record=True) as said:
+    """Return the environment and its warnings of what is not covered."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         env = gym.make("HCBF-A1Regions-v0", **{"scenario": "random"} | options).unwrapped
-    return env, [str(one.message) for one in said if one.category is CoverageWarning]
+    return env, [str(one.message) for one in caught if one.category is CoverageWarning]
 
 
 SCENE = scenarios.make("random")
@@ -55,18 +55,18 @@ OUTSIDE = {
 
 @pytest.mark.parametrize("argument", OUTSIDE)
 def test_an_argument_outside_its_bound_is_named_once_with_the_bound(argument):
-    env, said = made(**OUTSIDE[argument])
+    env, warned = made(**OUTSIDE[argument])
     assert (env.judged.covered, env.judged.covered_by) == (Coverage.OUTSIDE, CoveredBy.ARGUMENT)
-    assert len(said) == 1
-    assert re.search(rf"(: |; ){argument.strip()} ", said[0])
-    assert "(tested: " in said[0]
+    assert len(warned) == 1
+    assert re.search(rf"(: |; ){argument.strip()} ", warned[0])
+    assert "(tested: " in warned[0]
 
 
 @pytest.mark.parametrize("line", [line for line in lines.LINES if line.v_max is None], ids=str)
 def test_what_the_strict_suite_tests_is_covered(line):
     for scenario in line.scenarios:
-        env, said = made(scenario=scenario, **dict(line.env_options or {}))
-        assert not said
+        env, warned = made(scenario=scenario, **dict(line.env_options or {}))
+        assert not warned
         assert env.judged.covered == Coverage.COVERED
         assert env.plant.covered(env, None, {}) == (Coverage.COVERED, CoveredBy.NONE, ())
 
@@ -75,8 +75,8 @@ def test_every_plant_of_the_mixture_is_covered_and_what_it_declares_is_what_it_c
     mixture = A1Mixture()
     for seed in range(12):
         episode = mixture.episode(seed)
-        env, said = made(scenario=episode.scenario, **dict(episode.env_options or {}))
-        assert not said
+        env, warned = made(scenario=episode.scenario, **dict(episode.env_options or {}))
+        assert not warned
         judged = env.judged
         assert judged.covered == Coverage.SCENE  # its scenes are drawn beforehand, with a cap each
         certified = mixture.certifies(env.declared)
@@ -97,7 +97,7 @@ def test_the_family_of_the_scene_follows_the_episode():
     assert made(scenario=scenarios.make("random").to_dict())[0].judged.covered == Coverage.SCENE
 
 
-def test_the_native_batch_says_it_of_each_environment():
+def test_the_native_batch_reports_it_of_each_environment():
     env = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random").unwrapped
     env.reset(seed=0)
     assert (env.judged.covered == Coverage.COVERED).all()
@@ -150,5 +150,5 @@ def test_arguments_of_a_filter_that_leave_what_was_tested_are_named():
 
 def test_the_worst_sensors_that_are_covered_are_the_worst_preset():
     ranges = certificates.shipped()["a1-mixture"].plant["estimation"]["any of"][1]["each"]
-    told = {name: next(iter(one.values())) for name, one in ranges.items()}
-    assert told == asdict(sensors.PRESETS["uwb"])
+    worst = {name: next(iter(one.values())) for name, one in ranges.items()}
+    assert worst == asdict(sensors.PRESETS["uwb"])

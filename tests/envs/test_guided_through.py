@@ -1,4 +1,4 @@
-"""Guidance through ranks that give way: a robot at the edge of a strict one goes on, too."""
+"""Guidance through ranks that are relaxed: a robot at the edge of a strict one continues, too."""
 
 import gymnasium as gym
 import numpy as np
@@ -30,7 +30,7 @@ def drive(scenario, steps):
     return env.unwrapped.rom_state[:2], least
 
 
-def test_between_a_wall_and_a_region_that_gives_way_the_robot_goes_on():
+def test_between_a_wall_and_a_region_that_is_relaxed_the_robot_continues():
     place, least = drive("paper-experiment-straight", 1000)
     np.testing.assert_allclose(place, (-4.0, 3.34), atol=0.1)
     assert least >= 0.0
@@ -57,9 +57,9 @@ def test_from_within_a_strict_clearance_the_way_leads_out_by_the_shortest():
     # the only way crosses rank 2, at a thousand a metre
     wall = HalfPlane("wall", 1, normal=(0.0, 1.0), offset=0.0)
     other = HalfPlane("other", 1, normal=(0.0, -1.0), offset=-1.0)
-    gives_way = Disc("gives way", 2, center=(0.0, 0.5), radius=0.8)
+    relaxed = Disc("relaxed", 2, center=(0.0, 0.5), radius=0.8)
     way = Geodesic(through=2)
-    way.reset([wall, other, gives_way], (3.0, 0.5), clearance=0.3, start=(-3.0, 0.5))
+    way.reset([wall, other, relaxed], (3.0, 0.5), clearance=0.3, start=(-3.0, 0.5))
     for x in (-2.0, -1.2, -0.5, 0.0, 0.5):
         state = np.array([[x, 0.05, 0.0, 0.0]])
         (a,), _ = way.rows(state, np.zeros(1))

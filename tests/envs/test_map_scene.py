@@ -97,9 +97,9 @@ def test_a_named_solver_finds_the_input_of_the_compiled_path():
     rng = np.random.default_rng(0)
     for _ in range(25):
         u = rng.uniform(-5.0, 5.0, 2)
-        told = [env.step(u)[-1]["safety_filter"] for env in envs]
-        assert told[0]["u_safe"] == pytest.approx(told[1]["u_safe"], abs=1e-6)
-        assert told[0]["margin"] == pytest.approx(told[1]["margin"])
+        reports = [env.step(u)[-1]["safety_filter"] for env in envs]
+        assert reports[0]["u_safe"] == pytest.approx(reports[1]["u_safe"], abs=1e-6)
+        assert reports[0]["margin"] == pytest.approx(reports[1]["margin"])
 
 
 def test_a_scene_with_a_map_travels_through_json_and_through_a_spec():
@@ -158,7 +158,7 @@ class Still(gym.Env):
         return np.zeros(1, dtype=np.float32), 0.0, False, False, {}
 
 
-def test_a_users_own_plant_takes_a_map_among_its_barriers_and_says_when_it_stands_too_near():
+def test_a_users_own_plant_takes_a_map_among_its_barriers_and_reports_a_start_too_near():
     ranked = room(0)
     points = free(ranked, 0, 0.0)
     distance = ranked.distance(points, 1)
@@ -170,7 +170,7 @@ def test_a_users_own_plant_takes_a_map_among_its_barriers_and_says_when_it_stand
         assert info["safety_filter"]["slack"].shape == (2,)
 
 
-def test_a_cell_that_appears_under_the_body_is_told_at_once():
+def test_a_cell_that_appears_under_the_body_is_reported_at_once():
     ranked = room(0)
     start = free(ranked, 0)[0]
     barriers = [ranked]
@@ -196,7 +196,7 @@ def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
         check_limits(scenes, (0.02, 7.1))
 
 
-def test_a_zone_that_comes_up_with_such_a_limit_is_not_believed():
+def test_a_new_zone_with_such_a_limit_is_not_accepted():
     ranked = room(0)
     start = free(ranked, 0)[0]
     barriers = [ranked]
@@ -207,8 +207,8 @@ def test_a_zone_that_comes_up_with_such_a_limit_is_not_believed():
     zone = MapClass("zone", 1, "speed", np.ones_like(cells(0)), limit=0.05)
     barriers = [room(0, zone=zone)]
     with pytest.warns(SafetyWarning, match="barriers"):
-        told = env.step(np.ones(2))[-1]["safety_filter"]
-    assert told["status"] == FilterStatus.BACKUP
+        report = env.step(np.ones(2))[-1]["safety_filter"]
+    assert report["status"] == FilterStatus.BACKUP
     with pytest.raises(InvalidInputError, match="speed zone"):
         env.reset()
 
