@@ -152,7 +152,7 @@ inline void ask(const Constants& c, const Settings& settings, const One& p, Work
   } else {
     plant.follows = 0;
   }
-  p.report.model_error = std::sqrt(plant.watched.error);
+  p.report.model_error = std::sqrt(plant.inputs.error);
   p.report.reachable = 0.0;
   if (stops(why, c.brakes)) {
     wish_to_stop(c, settings, p, w.u);
