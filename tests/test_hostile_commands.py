@@ -27,18 +27,18 @@ BESIDE = {"certify": ["regions"], "identify": ["cart"]}
 ANY_FINITE = {"tune --mean", "tune --covariance", "ros-sim --start"}
 """Numbers without a range."""
 WORK = {
-    "evaluate": [("evaluation.command", "_run")],
+    "evaluate": [("hcbf_gym.evaluation.command", "_run")],
     "certify": [
-        ("evaluation.certification.certify", "calibrated"),
-        ("evaluation.certification.certify", "certify"),
-        ("evaluation.certification.check", "check"),
+        ("hcbf_lab.certification.certify", "calibrated"),
+        ("hcbf_lab.certification.certify", "certify"),
+        ("hcbf_lab.certification.check", "check"),
     ],
-    "identify": [("studies.identification.identify", "identify")],
-    "reproduce": [("studies.reproduction.command", "reproduce")],
-    "tune": [("studies.tuning.command", "TuningStudy")],
-    "train": [("studies.training.train", "make_model")],
-    "play": [("play.command", "Page")],
-    "ros-sim": [("ros.sim_node", "spin")],
+    "identify": [("hcbf_robots.identification.identify", "identify")],
+    "reproduce": [("hcbf_lab.reproduction.command", "reproduce")],
+    "tune": [("hcbf_lab.tuning.command", "TuningStudy")],
+    "train": [("hcbf_gym.training.train", "make_model")],
+    "play": [("hcbf_lab.play.command", "Page")],
+    "ros-sim": [("hcbf_robots.ros.sim_node", "spin")],
 }
 """Where a command's work begins."""
 
@@ -130,15 +130,15 @@ def tree(folder):
 
 
 def refused(name, given, capsys):
-    """Return what a command says that refuses its arguments, and the seconds that it takes."""
+    """Return the error of a command that refuses its arguments, and its seconds."""
     begun = time.process_time()
     with pytest.raises(SystemExit) as end:
         cli.main([name, *given])
     seconds = time.process_time() - begun
     code = end.value.code
-    said = code if isinstance(code, str) else capsys.readouterr().err
+    error = code if isinstance(code, str) else capsys.readouterr().err
     assert code not in (0, None), given
-    return said, seconds
+    return error, seconds
 
 
 COUNTED: list[str] = []
@@ -154,7 +154,7 @@ def test_what_no_argument_may_be_is_refused_in_one_line(name, tmp_path, monkeypa
     module = importlib.import_module(cli.commands()[name].module)
     for where, attribute in WORK.get(name, ()):
         if name != "ros-sim" or importlib.util.find_spec("rclpy"):
-            work = importlib.import_module(f"hcbf_gym.{where}")
+            work = importlib.import_module(where)
             monkeypatch.setattr(work, attribute, began)
     before = tree(tmp_path)
     failures = []
@@ -168,14 +168,14 @@ def test_what_no_argument_may_be_is_refused_in_one_line(name, tmp_path, monkeypa
             what = " ".join(one[:40] for one in given)
             COUNTED.append(what)
             try:
-                said, seconds = refused(name, given, capsys)
+                error, seconds = refused(name, given, capsys)
             except (BeganError, pytest.fail.Exception) as error:
                 failures.append(f"{what}: {type(error).__name__}")
                 continue
             capsys.readouterr()
-            lines = said.strip().splitlines()
-            if len(lines) != 1 or not said.startswith("error: ") or " line " in said[-30:]:
-                failures.append(f"{what}: {said}")
+            lines = error.strip().splitlines()
+            if len(lines) != 1 or not error.startswith("error: ") or " line " in error[-30:]:
+                failures.append(f"{what}: {error}")
             if seconds > SECONDS:
                 failures.append(f"{what}: {seconds:.1f} s")
             if tree(tmp_path) != before:
@@ -278,7 +278,7 @@ def policy(observation, info):
 
 
 @pytest.mark.parametrize(
-    ("fails", "given", "says"),
+    ("fails", "given", "message"),
     [
         ("raise OSError('unplugged')", [], "OSError: unplugged"),
         ("1 / 0", ["--workers", "1"], "ZeroDivisionError"),
@@ -288,14 +288,14 @@ def policy(observation, info):
     ],
 )
 def test_certify_tries_what_is_the_user_s_own_before_it_begins(
-    fails, given, says, tmp_path, monkeypatch, capsys
+    fails, given, message, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plant.py").write_text(PLANT.replace("FAILS", fails), encoding="utf-8")
     before = tree(tmp_path)
-    said, _ = refused("certify", ["plant.py:make", "--output", "out/here", *given], capsys)
-    assert says in said
-    assert len(said.splitlines()) == 1
+    error, _ = refused("certify", ["plant.py:make", "--output", "out/here", *given], capsys)
+    assert message in error
+    assert len(error.splitlines()) == 1
     assert [one for one in tree(tmp_path) if "__pycache__" not in one] == before
 
 

@@ -13,7 +13,7 @@ HEAVY = ("mujoco", "pinocchio", "matplotlib", "PIL", "jax", "torch")
 
 
 def run(code, *missing):
-    """Run code in a process of its own in which some modules cannot be imported."""
+    """Run code in a new process in which some modules cannot be imported."""
     blocked = f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", blocked + code],
@@ -44,8 +44,8 @@ import hcbf_gym
 import hcbf_robots
 from hcbf_gym.barriers import Disc
 robot = hcbf_robots.Robot(hcbf_robots.Command(forward=1.0, turn=1.0, look_ahead=0.2))
-door = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
-print(door.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
+safe = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+print(safe.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
 """
     assert run(code, *HEAVY) == ["True"]
 
@@ -67,7 +67,7 @@ import hcbf_gym.programs.qp
 def test_a_cart_needs_no_pinocchio():
     code = """
 import gymnasium as gym, numpy as np, hcbf_gym
-env = gym.make("HCBF-WalkerRegions-v0", robot="cart")
+env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot="cart")
 env.reset(seed=0)
 env.step(np.zeros(2))
 """
@@ -78,14 +78,14 @@ env.step(np.zeros(2))
     ("call", "line"),
     [
         ("gym.make('HCBF-A1Regions-v0')", "pip install 'mujoco>=3.11' 'pin>=4.0'"),
-        ("gym.make('HCBF-WalkerRegions-v0')", "pip install 'mujoco>=3.11'"),
+        ("gym.make('hcbf_robots:HCBF-WalkerRegions-v0')", "pip install 'mujoco>=3.11'"),
         ("hcbf_robots.VelocityFilter('cart', [])", "pip install 'mujoco>=3.11'"),
         ("hcbf_gym.barriers.Function('f', 1, lambda x, t: x[0])", "-e '.[jax]'"),
     ],
 )
 def test_what_is_missing_is_named_with_a_line_that_works(call, line):
     code = f"""
-import gymnasium as gym, hcbf_gym, hcbf_gym.barriers
+import gymnasium as gym, hcbf_gym, hcbf_gym.barriers, hcbf_robots
 try:
     {call}
 except hcbf_gym.HcbfError as error:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hcbf_gym import plugins
 from hcbf_gym.errors import InvalidInputError
 
 
@@ -12,38 +13,35 @@ def _no_files(options: Mapping[str, Any]) -> list[Path]:
 
 
 class Known(NamedTuple):
-    """What commands know of an environment.
+    """What commands know of an environment."""
 
-    Attributes:
-        robot: what moves in it; None where the argument `robot` decides.
-        options: those arguments of `hcbf evaluate` that the environment takes.
-        files: (arguments of the environment) → the user's files that decide what it does.
-    """
-
-    robot: str | None
-    options: tuple[str, ...] = ()
+    robot: str | None  # what moves in it; None where the argument `robot` decides
+    options: tuple[str, ...] = ()  # those arguments of `hcbf evaluate` that the environment takes
+    # (arguments of the environment) → the user's files that decide what it does
     files: Callable[[Mapping[str, Any]], list[Path]] = _no_files
 
 
-ENVIRONMENTS: dict[str, Known] = {}
-"""id → what commands know of it."""
+_ENVIRONMENTS: dict[str, Known] = {}
 
 
-def register(env: str, known: Known) -> None:
-    """Let `hcbf evaluate` and others take an environment of Gymnasium's registry.
+def known() -> dict[str, Known]:
+    """Return id → what commands know of it, those of installed packages included."""
+    plugins.load()
+    return _ENVIRONMENTS
 
-    Args:
-        env: its id; it takes `scenario` and `render_mode`.
-        known: of it.
+
+def register(env: str, facts: Known) -> None:
+    """Add an environment of Gymnasium's registry, which takes `scenario` and `render_mode`.
 
     Raises:
         InvalidInputError: if the id is taken.
     """
-    if ENVIRONMENTS.setdefault(env, known) is not known:
+    if _ENVIRONMENTS.setdefault(env, facts) is not facts:
         raise InvalidInputError(
-            f"environment: got {env!r}, expected an id that is not registered: {list(ENVIRONMENTS)}"
+            f"environment: got {env!r}, expected an id that is not registered: "
+            f"{list(_ENVIRONMENTS)}"
         )
 
 
-register("HCBF-A1Regions-v0", Known("Unitree A1", ("feedback", "body")))
+register("HCBF-A1Regions-v0", Known("Unitree A1", ("body",)))
 register("HCBF-Regions-v0", Known("reduced-order model"))
