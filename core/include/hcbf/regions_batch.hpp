@@ -61,21 +61,23 @@ inline void advance(Matrix<const Index> kind, Cube<const double> parameters, Vec
   double way[count][4], times[count], room[count];
   for (Index i = 0; i < x.rows; ++i) {
     double* state = x[i].data;
-    double top_speed = 0.0;
+    const double* fastest = way[0];
+    double most = -1.0;  // its squared speed
     before[i] = distance(references.at(i, steps[i]), state);
     for (Index s = 0; s < count; ++s) {
       const auto next = reduced_order::double_integrator_step(x[i], u[i], task::PHYSICS_DT, v_max[i]);
       std::copy_n(next.data(), 4, state);
       std::copy_n(state, 4, way[s]);
       times[s] = steps[i] * task::CONTROL_DT + (s + 1) * task::PHYSICS_DT;
-      top_speed = std::max(top_speed, std::hypot(state[2], state[3]));
+      const double speed2 = state[2] * state[2] + state[3] * state[3];
+      if (speed2 > most) most = speed2, fastest = way[s];
     }
     const Matrix<const double> path{way[0], count, 4};
     for (Index k = 0; k < kind.columns; ++k) {
       const Index which = kind(i, k);
       const double* c = parameters[i][k].data;
       if (which == layout::SPEED_LIMIT)
-        min_h(i, k) = speed_limit::value(c[layout::V_MAX], top_speed, 0.0);
+        min_h(i, k) = speed_limit::value(c[layout::V_MAX], fastest[2], fastest[3]);
       else if (atlas.size > 0 && shape_terms::is_mapped(which))
         min_h(i, k) = mapped::least_along(which, c, atlas, path, {room, count});
       else
