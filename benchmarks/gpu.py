@@ -33,6 +33,7 @@ STANDARD = [
     "cstddef",
     "cstdint",
     "cstdlib",
+    "cstring",
     "limits",
     "optional",
     "utility",

@@ -8,6 +8,7 @@
 #include <cuda/std/cmath>
 #include <cuda/std/cstddef>
 #include <cuda/std/cstdint>
+#include <cuda/std/cstring>
 #include <cuda/std/inplace_vector>
 #include <cuda/std/limits>
 #include <cuda/std/optional>

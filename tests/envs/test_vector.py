@@ -11,7 +11,10 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
-from hcbf_gym import policies, programs, scenarios, wrappers
+from hcbf_gym import _core, policies, programs, scenarios, wrappers
+from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.task import CONTROL_DT, PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import InvalidInputError
 
 ID = "HCBF-Regions-v0"
@@ -320,3 +323,32 @@ def test_a_penalty_without_a_filter_is_refused():
 def test_a_batch_that_cannot_be_is_refused(wrong):
     with pytest.raises(InvalidInputError, match="expected"):
         native("random", **wrong)
+
+
+def test_the_least_h_on_the_way_is_that_of_its_ten_points():
+    rng, n = np.random.default_rng(0), 2000
+    corners = np.array([(0.0, 0.0), (1.2, 0.1), (0.9, 0.8), (0.1, 0.6)])
+    regions = (
+        HalfPlane("wall", 1, normal=(1.0, 0.0), offset=0.3),
+        Disc("disc", 1, center=(0.3, -0.2), radius=0.5, velocity=(0.7, -0.4)),
+        Ellipse("ellipse", 1, center=(0.1, 0.3), semi_axes=(1.1, 0.2), angle=0.7),
+        ConvexPolygon("polygon", 1, vertices=corners, velocity=(-0.6, 0.2)),
+        Capsule("capsule", 1, start=(-0.5, 0.0), end=(0.4, 0.5), radius=0.1),
+    )
+    scenes = BarrierSet([regions] * n, is_placed=True)
+    speeds = 10.0 ** rng.uniform(-9.0, 1.0, (n, 1)) * (rng.random((n, 1)) < 0.95)
+    x = np.hstack([rng.uniform(-1.5, 1.5, (n, 2)), rng.uniform(-1.0, 1.0, (n, 2)) * speeds])
+    x[:50, :2] = regions[1].center  # where a region has no normal
+    u, steps = rng.uniform(-5.0, 5.0, (n, 2)) * np.minimum(speeds, 1.0), rng.integers(0, 50, n)
+    scene = scenes.kind, scenes.parameters, scenes.atlas.numbers
+    still = np.zeros((1, 1, 6)), np.zeros(n, np.int64), np.zeros(n, np.int64)
+    least, before, on_way = np.empty((n, 5)), np.empty(n), x.copy()
+    _core.regions_advance(*scene, still, x, steps, u, np.full(n, np.inf), least, before)
+    expected = np.full((n, 5), np.inf)
+    for k in range(1, SUBSTEPS + 1):
+        after = on_way[:, 2:] + u * PHYSICS_DT
+        on_way[:, :2] += 0.5 * (on_way[:, 2:] + after) * PHYSICS_DT
+        on_way[:, 2:] = after
+        now = CONTROL_DT * steps + k * PHYSICS_DT
+        expected = np.minimum(expected, scenes.values(on_way, now))
+    np.testing.assert_array_equal(least, expected)

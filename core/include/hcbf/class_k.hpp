@@ -16,23 +16,17 @@ struct ClassK {  // as `ClassK.parameters` in Python packs it
   double offset;  // φ₃
 };
 
-// −1, 0 or 1; NaN of NaN.
-template <class Number>
-double sign(const Number& h) {
-  return h > 0.0 ? 1.0 : h < 0.0 ? -1.0 : h == 0.0 ? 0.0 : value_of(h);
-}
-
 // α(h).
 template <class Number>
-Number value(const ClassK& c, const Number& h) {
+inline Number value(const ClassK& c, const Number& h) {
   using namespace functions;
   if (c.kind == LINEAR) return c.scale * h;
-  return sign(h) * c.scale * log1p(c.rate * abs(h) / c.offset);
+  return copysign(c.scale * log1p(c.rate / c.offset * abs(h)), h);
 }
 
 // dα/dh; it is largest at h = 0 and does not grow with |h|.
 template <class Number>
-Number slope(const ClassK& c, const Number& h) {
+inline Number slope(const ClassK& c, const Number& h) {
   using namespace functions;
   if (c.kind == LINEAR) return c.scale;
   return c.scale * c.rate / (c.rate * abs(h) + c.offset);
@@ -41,7 +35,7 @@ Number slope(const ClassK& c, const Number& h) {
 // α⁻¹(y).
 inline double inverse(const ClassK& c, double y) {
   if (c.kind == LINEAR) return y / c.scale;
-  return sign(y) * c.offset / c.rate * std::expm1(std::abs(y) / c.scale);
+  return std::copysign(c.offset / c.rate * std::expm1(std::abs(y) / c.scale), y);
 }
 
 }  // namespace hcbf::class_k

@@ -15,7 +15,7 @@ inline Index write(double* c, const double* velocity, const double* center, doub
 }
 
 template <class Number>
-PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+inline PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
   PlanarJetOf<Number> at = point_jet<Number>(x - c[CENTER_X], y - c[CENTER_Y]);
   at.h -= c[RADIUS];
   return at;
@@ -23,7 +23,7 @@ PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
 
 // The core is the centre.
 template <class Number>
-CoreOf<Number> core(const Number* c, const Number&, const Number&, const Number&, const Number& distance,
+inline CoreOf<Number> core(const Number* c, const Number&, const Number&, const Number&, const Number& distance,
                     const Number&) {
   return {distance, c[RADIUS], true};
 }

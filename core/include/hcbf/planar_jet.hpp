@@ -36,7 +36,7 @@ constexpr double TINY = 1e-9;  // below this distance from a region's centre its
 
 // ‖r‖ with its gradient, the distance ‖r‖ from the core, and the tangent.
 template <class Number>
-PlanarJetOf<Number> point_jet(const Number& x, const Number& y) {
+inline PlanarJetOf<Number> point_jet(const Number& x, const Number& y) {
   using namespace functions;
   const Number distance = sqrt(x * x + y * y);
   if (distance < TINY) return {distance, 1.0, 0.0, INF, 0.0, 1.0};

@@ -34,6 +34,23 @@ inline void observe(const References& references, Matrix<const double> x, Vector
   }
 }
 
+// The least h of a region at the points of `way` (k, 4) and their times. h is convex: its tangent at one
+// point is a lower bound at the others, most of which are then not looked at.
+inline double least_along(Index kind, const double* c, Matrix<const double> way, const double* times) {
+  constexpr double EXACT = 1e-8;  // a tangent is at least so exact, at a centre, too [m]
+  double least = INF;
+  PlanarJet at{INF, 0.0, 0.0, INF, 0.0, 0.0};  // there
+  shape_terms::Place of{0.0, 0.0};
+  for (Index n = 0; n < way.rows; ++n) {
+    const Index s = n > 0 ? n - 1 : way.rows - 1;
+    const auto q = shape_terms::in_frame(c, way(s, 0), way(s, 1), times[s]);
+    if (at.h + at.gx * (q.x - of.x) + at.gy * (q.y - of.y) > least + EXACT) continue;
+    const PlanarJet here = shapes::jet(kind, c, q.x, q.y);
+    if (here.h < least) least = here.h, at = here, of = q;
+  }
+  return least;
+}
+
 // Advances x (N, 4) over one control step under u (N, 2), its speed capped at v_max (N,); writes the
 // least h (N, m) on the way, and ‖p_ref − p‖ (N,) before it. `steps` (N,): control steps since the reset.
 inline void advance(Matrix<const Index> kind, Cube<const double> parameters, Vector<const double> atlas,
@@ -41,34 +58,30 @@ inline void advance(Matrix<const Index> kind, Cube<const double> parameters, Vec
                     Matrix<const double> u, Vector<const double> v_max, Matrix<double> min_h,
                     Vector<double> before) {
   constexpr Index count = task::SUBSTEPS;
-  double way[count][4], room[count];
+  double way[count][4], times[count], room[count];
   for (Index i = 0; i < x.rows; ++i) {
     double* state = x[i].data;
-    double top_speed = 0.0;
+    const double* fastest = way[0];
+    double most = -1.0;  // its squared speed
     before[i] = distance(references.at(i, steps[i]), state);
-    for (auto& after : way) {
+    for (Index s = 0; s < count; ++s) {
       const auto next = reduced_order::double_integrator_step(x[i], u[i], task::PHYSICS_DT, v_max[i]);
       std::copy_n(next.data(), 4, state);
-      std::copy_n(state, 4, after);
-      top_speed = std::max(top_speed, std::hypot(state[2], state[3]));
+      std::copy_n(state, 4, way[s]);
+      times[s] = steps[i] * task::CONTROL_DT + (s + 1) * task::PHYSICS_DT;
+      const double speed2 = state[2] * state[2] + state[3] * state[3];
+      if (speed2 > most) most = speed2, fastest = way[s];
     }
+    const Matrix<const double> path{way[0], count, 4};
     for (Index k = 0; k < kind.columns; ++k) {
       const Index which = kind(i, k);
       const double* c = parameters[i][k].data;
-      if (which == layout::SPEED_LIMIT) {
-        min_h(i, k) = speed_limit::value(c[layout::V_MAX], top_speed, 0.0);
-        continue;
-      }
-      if (atlas.size > 0 && shape_terms::is_mapped(which)) {
-        min_h(i, k) = mapped::least_along(which, c, atlas, {way[0], count, 4}, {room, count});
-        continue;
-      }
-      double least = INFINITY;
-      for (Index s = 0; s < count; ++s) {
-        const double now = steps[i] * task::CONTROL_DT + (s + 1) * task::PHYSICS_DT;
-        least = std::min(least, shape_terms::height(which, c, way[s][0], way[s][1], now));
-      }
-      min_h(i, k) = least;
+      if (which == layout::SPEED_LIMIT)
+        min_h(i, k) = speed_limit::value(c[layout::V_MAX], fastest[2], fastest[3]);
+      else if (atlas.size > 0 && shape_terms::is_mapped(which))
+        min_h(i, k) = mapped::least_along(which, c, atlas, path, {room, count});
+      else
+        min_h(i, k) = least_along(which, c, path, times);
     }
   }
 }

@@ -48,7 +48,7 @@ Number beside_core(const Number& radius, const RowSettings& s) {
 // The most that an input of U gives of a·u; −∞ where U is not known. U counts as the intersection of
 // its limits and its radius.
 template <class Number>
-Number support(const RowSettings& s, const Number& ax, const Number& ay) {
+inline Number support(const RowSettings& s, const Number& ax, const Number& ay) {
   if (s.u_max == 0.0) return -INF;
   const Number along_x = max(ax * s.low[0], ax * s.high[0]);
   const Number along_y = max(ay * s.low[1], ay * s.high[1]);
@@ -57,7 +57,7 @@ Number support(const RowSettings& s, const Number& ax, const Number& ay) {
 
 // ν, by how much ḣ(T) may fall short of ḣ + a·u T as the gradient turns [m/s].
 template <class Number>
-Number turning(const Number& speed, const Number& sideways, const Number& distance, const RowSettings& s) {
+inline Number turning(const Number& speed, const Number& sideways, const Number& distance, const RowSettings& s) {
   if (distance == INF) return 0.0;
   const double period = s.period, u_max = s.u_max;
   const Number reach = reach_of(speed, s);
@@ -72,9 +72,9 @@ Number turning(const Number& speed, const Number& sideways, const Number& distan
 
 // The row of a barrier on the position at this instant alone.
 template <class Number>
-PlacedRow<Number> usual_row(const Number& kept, const Number& rate, const Number& quickening,
-                            const Number& sideways, const Number& distance,
-                            const class_k::ClassK& alpha1, const class_k::ClassK& alpha2) {
+inline PlacedRow<Number> usual_row(const Number& kept, const Number& rate, const Number& quickening,
+                                   const Number& sideways, const Number& distance,
+                                   const class_k::ClassK& alpha1, const class_k::ClassK& alpha2) {
   const Number psi = rate + class_k::value(alpha1, kept), alpha2_psi = class_k::value(alpha2, psi);
   const Number lost = quickening - sideways * sideways / distance;  // what turns, turns h away by itself
   return {lost - alpha2_psi - class_k::slope(alpha1, kept) * rate, alpha2_psi, psi, lost};
@@ -85,9 +85,9 @@ PlacedRow<Number> usual_row(const Number& kept, const Number& rate, const Number
 // `sideways` the speed across the direction from the core, 0 if that is no point [m/s], and `distance`
 // that from the core, infinite where the gradient does not turn [m].
 template <class Number>
-PlacedRow<Number> held_row(const Number& kept, const Number& rate, const Number& quickening,
-                           const Number& speed, const Number& sideways, const Number& distance,
-                           const RowSettings& s) {
+inline PlacedRow<Number> held_row(const Number& kept, const Number& rate, const Number& quickening,
+                                  const Number& speed, const Number& sideways, const Number& distance,
+                                  const RowSettings& s) {
   const double period = s.period, half = half_step(s);
   const Number psi = rate + class_k::value(s.alpha1, kept), alpha2_psi = class_k::value(s.alpha2, psi);
 
@@ -105,14 +105,14 @@ PlacedRow<Number> held_row(const Number& kept, const Number& rate, const Number&
 // What a row requests where ψ < 0: to stop at h = m at a constant rate, if U can. `most` is a·u of the
 // input of U that gives most of it, and `lost` how much less h − m gains with every input [m/s²].
 template <class Number>
-Number late(const Number& kept, const Number& rate, const Number& lost, const Number& most) {
+inline Number late(const Number& kept, const Number& rate, const Number& lost, const Number& most) {
   if (rate >= 0.0 || kept <= 0.0) return -INF;
   return min(rate * rate / (2.0 * kept) + lost, most);
 }
 
 // The row of a speed limit, with ψ = h; h is concave in v, so that u costs ‖u‖².
 template <class Number>
-RowOf<Number> speed_row(const Number& kept, const Number& margin_rate, const Number& vx, const Number& vy,
+inline RowOf<Number> speed_row(const Number& kept, const Number& margin_rate, const Number& vx, const Number& vy,
                         const Number& v_max, const class_k::ClassK& alpha2, const RowSettings& s) {
   const Number alpha2_psi = class_k::value(alpha2, kept);
   Number b = -alpha2_psi;
@@ -133,7 +133,7 @@ constexpr Bound<double> NO_ROW{-1.0, 1.0, 1.0, 1.0};  // every input meets it
 // Writes a (2,) of one barrier at a state x (4,) and time t, and returns the rest of its row. A user's
 // own barrier is not for this function. A class of a map has NaN: only its nearby pieces have rows.
 template <class Number>
-Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& reserved, const Number* x, double t,
+inline Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& reserved, const Number* x, double t,
                   const RowSettings& s, Number* a) {
   if (kind == layout::NONE) {
     a[0] = a[1] = 0.0;

@@ -11,7 +11,7 @@ namespace hcbf::shapes {
 
 // H and its derivatives at a point of the shape's frame; H is infinite for what is no shape.
 template <class Number>
-PlanarJetOf<Number> jet(Index kind, const Number* c, const Number& x, const Number& y) {
+inline PlanarJetOf<Number> jet(Index kind, const Number* c, const Number& x, const Number& y) {
   switch (kind) {
     case half_plane::CODE: return half_plane::jet(c, x, y);
     case disc::CODE: return disc::jet(c, x, y);
@@ -25,7 +25,7 @@ PlanarJetOf<Number> jet(Index kind, const Number* c, const Number& x, const Numb
 // The core of a shape seen from a point of its frame (x, y), where H and d are `h` and `distance` [m],
 // by a robot that gets `reach` far in one period [m].
 template <class Number>
-CoreOf<Number> core(Index kind, const Number* c, const Number& x, const Number& y, const Number& h,
+inline CoreOf<Number> core(Index kind, const Number* c, const Number& x, const Number& y, const Number& h,
                     const Number& distance, const Number& reach) {
   switch (kind) {
     case half_plane::CODE: return half_plane::core(c, x, y, h, distance, reach);
