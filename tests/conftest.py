@@ -27,7 +27,7 @@ def pytest_addoption(parser):
         "--only-skips",
         metavar="FILE",
         help="fail if a test is skipped that FILE does not list, a line each: 'id | reason'; the "
-        "id * stands for every test with that reason",
+        "id * matches every test with that reason",
     )
     parser.addoption(
         "--skipped-before",

@@ -119,7 +119,8 @@ def calibrate(
     last = rounds[-1]
     raise RefusedError(
         f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "
-        f"last {last.what} still entered, with {_units(margins)}: the plant does not do what its "
+        f"last {last.what} still entered, with {margins.distance:.3g} m "
+        f"and {margins.speed:.3g} m/s reserved: the plant does not do what its "
         "model predicts, and no margin makes up for it; look at delay, drag and U"
     )
 
@@ -229,10 +230,6 @@ def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> Non
             f"calibration: the row of the speed limit would reserve {margins.speed:.3g} m/s of "
             f"{v_max:g} m/s: the margin leaves no speed; raise v_max, or reduce U"
         )
-
-
-def _units(margins: Uncertainty) -> str:
-    return f"{margins.distance:.3g} m and {margins.speed:.3g} m/s reserved"
 
 
 def plain(rounds: Iterable[Round]) -> tuple[Mapping[str, Any], ...]:

@@ -131,7 +131,9 @@ def main(args: Args) -> None:
     margins, rounds = _margins(args, family, runs, console)
     frozen = replace(frozen, margins=margins, calibration=rounds)
     if args.part is not None:
-        _run_part(frozen, runs, args.part, console)
+        seen = list(certify.episodes(frozen, runs, range(*args.part)))
+        entered = sum(one.entered for one in seen)
+        console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
         return
     certificate = certify.certify(frozen, runs, args.at_most)
     file = folder / f"{name}.json"
@@ -139,13 +141,6 @@ def main(args: Args) -> None:
     write_text(file.with_suffix(".md"), page.page(certificate))
     console.print(certificate.summary, soft_wrap=True)
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
-
-
-def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
-    """Run a range of the episodes, which stay in the folder."""
-    seen = list(certify.episodes(frozen, runs, range(*part)))
-    entered = sum(one.entered for one in seen)
-    console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
 def family_of(args: Args) -> Family:

@@ -268,7 +268,8 @@ def asked(tmp_path, text, steps=12, bound=0.4):
 
 UNDESERVED = {
     "a start inside": (
-        "self.np_random.uniform(-0.2, -0.1)", "0.01",
+        "self.np_random.uniform(-0.2, -0.1)",
+        "0.01",
         r"P\(enter\) is above 0.2, where none ever comes",
     ),
     "an unseeded draw": ("self.np_random.uniform(-0.2, -0.1)", "-1.0 - np.random.rand()", "seed"),

@@ -137,5 +137,3 @@ def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, argum
         run()
     assert [path.name for path in tmp_path.iterdir()] == ["settings.json"]
     assert json.loads((tmp_path / "settings.json").read_text()) == {"study": "something else"}
-
-
