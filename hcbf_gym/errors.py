@@ -54,14 +54,11 @@ class MissingDependencyError(HcbfError, ImportError):
     """An optional dependency is needed; the message names the extra that brings it."""
 
 
-LONGEST = 400
-"""Characters of a value that a message shows."""
+LONGEST = 400  # characters of a value that a message shows
 
-MOST = 10_000_000
-"""What a count may be."""
+MOST = 10_000_000  # what a count may be
 
-DEEPEST = 64
-"""How deep lists of numbers may be nested: an array of NumPy has no more axes."""
+DEEPEST = 64  # how deep lists of numbers may be nested: an array of NumPy has no more axes
 
 UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
 """What reading an answer of a user's own code raises where it is none."""

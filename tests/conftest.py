@@ -18,8 +18,7 @@ with warnings.catch_warnings():  # once a process, so that no test gets it by it
     warnings.simplefilter("ignore")
     certificates.warn_of_version(certificates.of_another_version())
 
-SKIPPED = "hcbf/skipped"
-"""Where pytest's cache has the ids of what the last run skipped."""
+SKIPPED = "hcbf/skipped"  # where pytest's cache has the ids of what the last run skipped
 
 
 def pytest_addoption(parser):

@@ -7,10 +7,8 @@ from scipy.stats import beta, binomtest, t
 
 from hcbf_gym.errors import InvalidInputError, finite_float
 
-CONFIDENCE = 0.999
-"""Of the bounds that tables give."""
-BOUNDED = f"≤ at {CONFIDENCE:.1%}"
-"""In the name of a column with such bounds."""
+CONFIDENCE = 0.999  # of the bounds that tables give
+BOUNDED = f"≤ at {CONFIDENCE:.1%}"  # in the name of a column with such bounds
 
 
 def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> float:
@@ -47,11 +45,9 @@ def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> 
     return float(beta.ppf(confidence, entered + 1, episodes - entered))
 
 
-INTERVAL = 0.95
-"""Confidence of the intervals that tables give of shares and means."""
+INTERVAL = 0.95  # confidence of the intervals that tables give of shares and means
 
-Interval = list[float] | None
-"""[low, high]; None where too little was seen for one."""
+Interval = list[float] | None  # [low, high]; None where too little was seen for one
 
 
 def mean(values: Sequence[float | None]) -> float | None:

@@ -28,21 +28,15 @@ from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_lab.certification.families import Seen
 
-ROUNDS = 4
-"""How often margins are set before a plant is refused."""
-TAIL = 0.05
-"""Share of the needs from which the tail is read."""
-LEAST_TAIL = 5
-"""And at least so many."""
+ROUNDS = 4  # how often margins are set before a plant is refused
+TAIL = 0.05  # share of the needs from which the tail is read
+LEAST_TAIL = 5  # and at least so many
 BEYOND = (1.1, 1.25)
 """What is reserved at least and at most, of the greatest need that was seen: a tail that is read
 from few episodes exaggerates."""
-GENERATIONS, POPULATION = 4, 12
-"""Of a search: attackers of one generation meet the same episode."""
-ELITE = 4
-"""Of a generation, those that the next one is drawn around."""
-STREAM = 43
-"""Sets a search's draws apart from those of the episodes that it runs."""
+GENERATIONS, POPULATION = 4, 12  # of a search: attackers of one generation meet the same episode
+ELITE = 4  # of a generation, those that the next one is drawn around
+STREAM = 43  # sets a search's draws apart from those of the episodes that it runs
 
 Run = Callable[[Uncertainty, Sequence[int], str], list[Seen]]
 """(margins, seeds, title) → what the episodes of these seeds showed."""

@@ -35,13 +35,11 @@ from hcbf_robots.walkers.walker import NAMES, Walker
 from hcbf_robots.walkers.walker_margins import uncertainty
 from hcbf_robots.walkers.walker_response import assumed
 
-LOWEST = 0.5
-"""The lowest cap on the speed of a walker, as a share of what its contract can do."""
+LOWEST = 0.5  # the lowest cap on the speed of a walker, as a share of what its contract can do
 SPEED_LEFT = 2.5
 """And of what the row of its speed limit reserves before calibration: an environment requires 2."""
 
-RESUMED = "the same command resumes this run"
-"""Printed after Ctrl-C."""
+RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 
 Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]

@@ -28,16 +28,12 @@ E = TypeVar("E", bound=Event)
 Handle = TypeVar("Handle", bound=viser.GuiInputHandle)
 Act = Callable[[E], None]
 
-STICK_STEP = 0.25
-"""What one stroke of a key adds to the stick [m/s]."""
-DRAG_PERIOD = 0.1
-"""The least time between two edits of a drag [s]."""
+STICK_STEP = 0.25  # what one stroke of a key adds to the stick [m/s]
+DRAG_PERIOD = 0.1  # the least time between two edits of a drag [s]
 KEYS = {"W": (0.0, 1.0), "S": (0.0, -1.0), "A": (-1.0, 0.0), "D": (1.0, 0.0)}
-LEAST_RANKS = 5
-"""How many ranks can be chosen from; more where a scene has more."""
+LEAST_RANKS = 5  # how many ranks can be chosen from; more where a scene has more
 NO_REGION = "none"
-WIDEST_MARGIN = 0.3
-"""That can be chosen instead of the derived one [m]."""
+WIDEST_MARGIN = 0.3  # that can be chosen instead of the derived one [m]
 
 
 class Controls:

@@ -25,8 +25,7 @@ NO_FILTER = "none"
 HUMAN = "human"
 PD = "pd"
 
-STICK_GAIN = 3.0
-"""How the human's acceleration follows the wanted velocity [1/s]."""
+STICK_GAIN = 3.0  # how the human's acceleration follows the wanted velocity [1/s]
 
 
 @dataclass(frozen=True)

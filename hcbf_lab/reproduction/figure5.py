@@ -21,10 +21,8 @@ from hcbf_lab.tuning.cost import relaxation
 from hcbf_lab.tuning.cost_map import inside
 
 SCENE = "paper-simulation"
-R_WEIGHT = 0.05
-"""γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less."""
-DELTA_GAMMA = 1.3
-"""The fixed Δγ of panels (b) and (c), which the paper does not state."""
+R_WEIGHT = 0.05  # γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less
+DELTA_GAMMA = 1.3  # the fixed Δγ of panels (b) and (c), which the paper does not state
 GAMMAS = (1.0, 2.0, 3.0, 4.0, 5.0)
 TOO_LARGE = (20.0, 2.5)
 A1_V_MAX = FASTEST
