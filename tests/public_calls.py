@@ -52,12 +52,15 @@ class Call(NamedTuple):
     given: Mapping[str, Any]
 
     def places(self) -> list[str]:
-        """Return the names of its arguments: those that are given, and those with a default."""
+        """Return the names of its arguments: the given ones, and those with a default.
+
+        `kinks` of general rows is what the filter computed itself.
+        """
         if self.of.__name__ == "<lambda>":
             return list(self.given)
         found = inspect.signature(self.of).parameters.values()
         defaults = [one.name for one in found if one.default is not inspect.Parameter.empty]
-        return list(dict.fromkeys([*self.given, *defaults]))
+        return list(dict.fromkeys([*self.given, *(name for name in defaults if name != "kinks")]))
 
 
 def given(**arguments: Any) -> dict[str, Any]:

@@ -237,7 +237,7 @@ class Controls:
     def _scene(self, gui: viser.GuiApi) -> None:
         session = self._session
         self._on_choice(gui.add_dropdown("robot", model_names()), "model")
-        self._on_choice(gui.add_dropdown("what stays outside", tuple(BODIES)), "body")
+        self._on_choice(gui.add_dropdown("what stays outside", BODIES), "body")
         scene = gui.add_dropdown("scene", scenarios.names())
         self._scene_name: Any = self._on_value(scene, session.choose_scene)
         self._region: Any = gui.add_dropdown("region", (NO_REGION,))

@@ -156,8 +156,8 @@ def test_no_edit_of_any_field_passes_without_the_hash():
     ("where", "value", "message"),
     [
         (("strata", 0, "entered"), 0, "one of them where its least h is below 0"),
-        (("strata", 0, "episodes"), "25", "expected a count"),
-        (("blocks", 0, 0), "1", "expected a count"),
+        (("strata", 0, "episodes"), "25", "expected a whole number >= 0"),
+        (("blocks", 0, 0), "1", "expected a whole number >= 0"),
         (("version",), "0.2", "expected one such as '0.2.0'"),
         (("version",), None, "expected one such as '0.2.0'"),
         (("commit",), "47fb8b", "expected '' or 7 to 40 hexadecimal digits"),
