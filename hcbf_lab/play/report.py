@@ -100,7 +100,7 @@ def sentence(
         return "The robot is inside a region of rank 1: the filter brings it out."
     if status == FilterStatus.BACKUP.name:
         lasts = "; a restart ends that" if Reason(reason).lasts else ""
-        return f"The filter brakes{lasts}: {Reason(reason).says.partition(':')[0]}."
+        return f"The filter brakes{lasts}: {Reason(reason).text.partition(':')[0]}."
     if status == FilterStatus.VIOLATED.name:
         return f"No input satisfies rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
     held = [rank for rank in h if rank not in paying and rank < max(paying, default=0)]

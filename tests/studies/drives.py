@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_robots.identification.record import Runner
+from hcbf_robots.identification.identify import Runner
 
 HEADER = ("time", "cmd_vx", "cmd_vy", "cmd_w", "x", "y", "yaw", "vx", "vy", "w")
 
@@ -39,7 +39,7 @@ def drive(walker, seed, seconds=25.0):
             aside = cos * data.qvel[1] - sin * data.qvel[0]
             three = commands if len(commands) == 3 else (commands[0], 0.0, commands[1])
             rows.append([time, *three, *data.qpos[:2], yaw, ahead, aside, data.qvel[5]])
-            runner.tell(commands, CONTROL_DT)
+            runner.hold(commands, CONTROL_DT)
             time += CONTROL_DT
     return np.array(rows)
 

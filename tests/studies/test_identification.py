@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box
 from hcbf_robots.identification import command
+from hcbf_robots.identification.analysis import fit, late, respond
 from hcbf_robots.identification.identify import identify
-from hcbf_robots.identification.model import fit, late, respond
 from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_margins import braked, uncertainty
 from hcbf_robots.walkers.walker_response import Response
@@ -31,8 +31,8 @@ def test_a_known_response_is_found_beneath_an_oscillation(gain, time_constant, s
     commanded = np.repeat(rng.uniform(-1.0, 1.0, 40), 50)
     delay = steps * PERIOD
     done = gain * respond(late(commanded, delay, PERIOD), time_constant, PERIOD)
-    sway = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(commanded)))
-    found = fit(commanded, done + sway, PERIOD)
+    wave = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(commanded)))
+    found = fit(commanded, done + wave, PERIOD)
     assert found.gain == pytest.approx(gain, rel=0.05)
     assert found.delay + found.time_constant == pytest.approx(delay + time_constant, abs=0.04)
 
@@ -77,7 +77,7 @@ NUMBERS = {
     "time_constant": 0.1,
     "delay": 0.02,
     "residual": [0.05, 0.14, 0.3],
-    "sway": 0.03,
+    "deviation": 0.03,
     "overshoot": 0.1,
     "rise": 0.3,
     "stopping": 0.2,
