@@ -1,4 +1,8 @@
-"""One family of errors; a message states what is wrong, what was expected and the choices."""
+"""One family of errors; a message states what is wrong, what was expected and the choices.
+
+Functions that take the `name` of an argument, for the message, raise `InvalidInputError` where its
+value is invalid.
+"""
 
 import contextlib
 import importlib.util
@@ -54,14 +58,11 @@ class MissingDependencyError(HcbfError, ImportError):
     """An optional dependency is needed; the message names the extra that brings it."""
 
 
-LONGEST = 400
-"""Characters of a value that a message shows."""
+LONGEST = 400  # characters of a value that a message shows
 
-MOST = 10_000_000
-"""What a count may be."""
+MOST = 10_000_000  # what a count may be
 
-DEEPEST = 64
-"""How deep lists of numbers may be nested: an array of NumPy has no more axes."""
+DEEPEST = 64  # how deep lists of numbers may be nested: an array of NumPy has no more axes
 
 UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
 """What reading an answer of a user's own code raises where it is none."""
@@ -118,11 +119,7 @@ def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
 
 
 def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) -> int:
-    """Return the argument `name` as a whole number from `minimum` to `maximum`.
-
-    Raises:
-        InvalidInputError: on anything else, truth values included.
-    """
+    """Return a whole number from `minimum` to `maximum`, which is no truth value."""
     number = minimum - 1  # out of range
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
@@ -135,11 +132,7 @@ def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) 
 
 
 def instance(name: str, value: object, *kinds: type[T]) -> T:
-    """Return the argument `name`, an instance of one of some classes.
-
-    Raises:
-        InvalidInputError: if it is of none of them; the message names them.
-    """
+    """Return an instance of one of some classes."""
     if not isinstance(value, kinds):
         expected = " or ".join(f"a {kind.__name__}" for kind in kinds)
         raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
@@ -147,20 +140,12 @@ def instance(name: str, value: object, *kinds: type[T]) -> T:
 
 
 def flag(name: str, value: object) -> bool:
-    """Return the argument `name`, a truth value.
-
-    Raises:
-        InvalidInputError: on anything else, such as the text "False".
-    """
+    """Return a truth value; the text "False" is none."""
     return bool(instance(name, value, bool, np.bool_))
 
 
 def listed(name: str, value: object, *kinds: type[T]) -> tuple[T, ...]:
-    """Return the argument `name`, a sequence of instances of some classes, as a tuple.
-
-    Raises:
-        InvalidInputError: if it is no sequence, or an entry is of none of the classes.
-    """
+    """Return a sequence of instances of some classes as a tuple."""
     if not isinstance(value, Sequence) or isinstance(value, str | bytes):
         expected = " or ".join(kind.__name__ for kind in kinds)
         raise InvalidInputError(f"{name}: got {shown(value)}, expected a sequence of {expected}")
@@ -168,11 +153,7 @@ def listed(name: str, value: object, *kinds: type[T]) -> tuple[T, ...]:
 
 
 def text(name: str, value: object) -> str:
-    """Return the argument `name`, a text or a path, as text.
-
-    Raises:
-        InvalidInputError: if it is neither, or holds a NUL.
-    """
+    """Return a text or a path, without a NUL, as text."""
     if not isinstance(value, str | Path) or "\0" in str(value):
         raise InvalidInputError(f"{name}: got {shown(value)}, expected text")
     return str(value)
@@ -392,10 +373,9 @@ def finite_float(
     maximum: float = np.inf,
     exclusive: bool = False,
 ) -> float:
-    """Return `value` as a finite float from `minimum`, itself refused if exclusive, to `maximum`.
+    """Return a finite float from `minimum`, itself refused if exclusive, to `maximum`.
 
-    Raises:
-        InvalidInputError: on anything else, truth values and half precision included.
+    Truth values and half precision are refused.
     """
     low = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else ""
     high = f"<= {maximum}" if np.isfinite(maximum) else ""

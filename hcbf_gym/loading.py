@@ -17,8 +17,7 @@ from hcbf_gym import opened, sources
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, require, text
 
-EXTRA = "walkers"
-"""Brings onnxruntime."""
+EXTRA = "walkers"  # brings onnxruntime
 
 
 def is_function(name: str) -> bool:

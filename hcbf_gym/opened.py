@@ -19,10 +19,8 @@ from typing import Any
 
 from hcbf_gym import sources
 
-MISSING = "missing"
-"""In the place of a hash, of a file that is not there."""
-_WRITTEN = ""
-"""In the place of a hash, of a file that the work itself writes."""
+MISSING = "missing"  # in the place of a hash, of a file that is not there
+_WRITTEN = ""  # in the place of a hash, of a file that the work itself writes
 _APART = tuple(
     f"{os.path.realpath(folder)}{os.sep}"
     for folder in (

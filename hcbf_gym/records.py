@@ -161,8 +161,7 @@ def check_name(name: str, value: str) -> str:
     return value
 
 
-SETTINGS = "settings.json"
-"""What a folder holds of its study, before there is a result."""
+SETTINGS = "settings.json"  # what a folder holds of its study, before there is a result
 
 _MADE: ContextVar[list[Path] | None] = ContextVar("folders that were made", default=None)
 

@@ -11,10 +11,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 NAMES = ("hcbf_gym", "hcbf_robots", "hcbf_lab")
-PACKAGES = tuple(PACKAGE.parent / name for name in NAMES)
-"""Where the sources are."""
-CORE = PACKAGE.parent / "core"
-"""C++ sources, in a checkout."""
+PACKAGES = tuple(PACKAGE.parent / name for name in NAMES)  # where the sources are
+CORE = PACKAGE.parent / "core"  # C++ sources, in a checkout
 REMEDY = "compile it in the checkout:\n    make core\nor install the package again"
 
 

@@ -18,8 +18,7 @@ with warnings.catch_warnings():  # once a process, so that no test gets it by it
     warnings.simplefilter("ignore")
     certificates.warn_of_version(certificates.of_another_version())
 
-SKIPPED = "hcbf/skipped"
-"""Where pytest's cache has the ids of what the last run skipped."""
+SKIPPED = "hcbf/skipped"  # where pytest's cache has the ids of what the last run skipped
 
 
 def pytest_addoption(parser):
@@ -27,7 +26,7 @@ def pytest_addoption(parser):
         "--only-skips",
         metavar="FILE",
         help="fail if a test is skipped that FILE does not list, a line each: 'id | reason'; the "
-        "id * stands for every test with that reason",
+        "id * matches every test with that reason",
     )
     parser.addoption(
         "--skipped-before",

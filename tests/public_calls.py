@@ -1,5 +1,6 @@
 """Calls of the public functions: a good one of each, and the values that replace its arguments."""
 
+import inspect
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,11 +45,22 @@ class Call(NamedTuple):
 
     Attributes:
         of: what is called, by keywords alone.
-        given: its arguments.
+        given: its arguments without a default, and others that it needs.
     """
 
     of: Callable[..., Any]
     given: Mapping[str, Any]
+
+    def places(self) -> list[str]:
+        """Return the names of its arguments: the given ones, and those with a default.
+
+        `kinks` of general rows is what the filter computed itself.
+        """
+        if self.of.__name__ == "<lambda>":
+            return list(self.given)
+        found = inspect.signature(self.of).parameters.values()
+        defaults = [one.name for one in found if one.default is not inspect.Parameter.empty]
+        return list(dict.fromkeys([*self.given, *(name for name in defaults if name != "kinks")]))
 
 
 def given(**arguments: Any) -> dict[str, Any]:
@@ -194,29 +206,21 @@ def calls() -> dict[str, Call]:
     guide = {"kind": "geodesic", "through": 2}
     found: dict[str, Call] = {
         "BatchFilter": Call(hcbf_gym.BatchFilter, given(
-            input_set=BOX, period=0.02, num_envs=3, program="lex-cbf-qp", guidance=None,
-            uncertainty=models.Uncertainty(), extent=((0.0, 0.0), (1.0, 1.0)), on_alarm="warn",
-            threads=1, rows="held", alpha1=1.0, alpha2=2.0, lambda_u=1.0, weights=[None, 1.0],
-            delta_gamma=0.0,
+            input_set=BOX, period=0.02, rows="held", alpha1=1.0, alpha2=2.0, lambda_u=1.0,
+            weights=[None, 1.0], delta_gamma=0.0,
         )),
         "BatchFilter guided": Call(hcbf_gym.BatchFilter, given(
             input_set=BOX, period=0.02, num_envs=3, guidance=guide, program="h-cbf-qp",
             gamma0=[1.0], delta_gamma=1.0,
         )),
         "BatchFilter.set_scene": Call(filt.set_scene, given(barriers=[DISC])),
-        "BatchFilter.reset": Call(
-            batch().reset, given(mask=np.ones(3, bool), x=x, goal=(1.0, 0.0))
-        ),
-        "BatchFilter()": Call(batch().__call__, given(
-            u_nominal=u, x=x, time=None, elapsed=None, missing=None,
+        "BatchFilter.reset": Call(batch().reset, given(
+            mask=np.ones(3, bool), x=x, goal=(1.0, 0.0),
         )),
+        "BatchFilter()": Call(batch().__call__, given(u_nominal=u, x=x)),
         "BatchFilter.conditions": Call(batch().conditions, given(i=0)),
         "Plant": Call(hcbf_gym.Plant, given(
-            model=models.DoubleIntegrator(), barriers=[DISC], state=state, input_set=BOX,
-            to_action=None, from_action=None, period=0.02, goal=(1.0, 0.0),
-            extent=((0.0, 0.0), (1.0, 1.0)), uncertainty=models.Uncertainty(), brake=(0.0, 0.0),
-            max_age=0.1, on_alarm="warn", covered=models.Coverage.OUTSIDE, axle=None, braking=1.0,
-            fastest=2.0, declared=None,
+            model=models.DoubleIntegrator(), barriers=[DISC], state=state,
         )),
         "SafetyFilter": Call(wrappers.SafetyFilter, given(
             env=Loose(), program="lex-cbf-qp", plant=PLANT, rows="held", guidance=None, margin=0.0,
@@ -224,17 +228,14 @@ def calls() -> dict[str, Call]:
             alpha2=2.0, lambda_u=1.0, weights=[None, 1.0], delta_gamma=0.0,
         )),
         "SafetyFilter.step": Call(stepped(filtered()), given(action=np.ones(2))),
-        "SafetyFilter.step, by a solver": Call(
-            stepped(filtered(solver="daqp")), given(action=np.ones(2))
-        ),
-        "SafetyFilter of a space": Call(of_space, given(space=spaces.Box(-5.0, 5.0, (2,)))),
-        "VectorSafetyFilter": Call(wrappers.VectorSafetyFilter, given(
-            env=native(), program="lex-cbf-qp", plant=None, rows="held", guidance=None, margin=0.0,
-            on_alarm="warn", allow_late_inputs=False, certificate=None, threads=1,
+        "SafetyFilter.step, by a solver": Call(stepped(filtered(solver="daqp")), given(
+            action=np.ones(2),
         )),
-        "VectorSafetyFilter.step": Call(
-            stepped(wrappers.VectorSafetyFilter(native())), given(action=np.ones((2, 2)))
-        ),
+        "SafetyFilter of a space": Call(of_space, given(space=spaces.Box(-5.0, 5.0, (2,)))),
+        "VectorSafetyFilter": Call(wrappers.VectorSafetyFilter, given(env=native())),
+        "VectorSafetyFilter.step": Call(stepped(wrappers.VectorSafetyFilter(native())), given(
+            action=np.ones((2, 2)),
+        )),
         "reset of Regions": Call(regions().reset, given(seed=0, options={"start": (0.0, 0.0)})),
         "make Regions": Call(
             lambda **o: gym.make("HCBF-Regions-v0", disable_env_checker=True, **o),
@@ -242,18 +243,14 @@ def calls() -> dict[str, Call]:
         ),
         "HoldAction": Call(wrappers.HoldAction, given(env=Loose(), steps=2)),
         "VectorHoldAction": Call(wrappers.VectorHoldAction, given(
-            env=native(autoreset_mode="Disabled"), steps=2, autoreset_mode="NextStep",
+            env=native(autoreset_mode="Disabled"), steps=2,
         )),
-        "InterventionPenalty": Call(
-            wrappers.InterventionPenalty, given(env=filtered(), weight=0.1)
-        ),
+        "InterventionPenalty": Call(wrappers.InterventionPenalty, given(env=filtered())),
         "VectorInterventionPenalty": Call(wrappers.VectorInterventionPenalty, given(
-            env=wrappers.VectorSafetyFilter(native()), weight=0.1,
+            env=wrappers.VectorSafetyFilter(native()),
         )),
-        "RankedObservation": Call(wrappers.RankedObservation, given(env=regions(), slots=4)),
-        "VectorRankedObservation": Call(
-            wrappers.VectorRankedObservation, given(env=native(), slots=4)
-        ),
+        "RankedObservation": Call(wrappers.RankedObservation, given(env=regions())),
+        "VectorRankedObservation": Call(wrappers.VectorRankedObservation, given(env=native())),
         "FilterLog": Call(wrappers.FilterLog, given(conditions=filtered().conditions)),
         "Command": Call(hcbf_robots.Command, given(
             forward=1.0, turn=2.0, sideways=None, look_ahead=0.2, heading="velocity",
@@ -263,22 +260,14 @@ def calls() -> dict[str, Call]:
             overshoot=0.2, rise=0.7, stopping=0.5, braking=1.5, falls=0, seconds=1.0, lasting=None,
         )),
         "Response.load": Call(hcbf_robots.Response.load, given(path=Path("nowhere.json"))),
-        "Robot": Call(hcbf_robots.Robot, given(
-            command=CART, response=None, reach=0.2, known_as="",
-            footprint=[[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]],
-        )),
+        "Robot": Call(hcbf_robots.Robot, given(command=CART)),
         "VelocityFilter": Call(hcbf_robots.VelocityFilter, given(
-            robot=ROBOT, barriers=[DISC], program="lex-cbf-qp", period=0.05, goal=(1.0, 0.0),
-            guidance=None, v_max=0.9, radius=0.2, max_age=0.1, on_alarm="warn", margin=None,
-            certificate=None, alpha2=2.0,
+            robot=ROBOT, barriers=[DISC], alpha2=2.0,
         )),
         "VelocityFilter.step": Call(velocity().step, given(
-            command=(0.5, 0.0), pose=(0.0, 0.0, 0.0), twist=(0.0, 0.0, 0.0), time=1.0, now=1.0,
-            frame=(0.0, 0.0, 0.0),
+            command=(0.5, 0.0), pose=(0.0, 0.0, 0.0), twist=(0.0, 0.0, 0.0), time=1.0,
         )),
-        "VelocityFilter.set_barriers": Call(
-            velocity().set_barriers, given(barriers=[DISC], seen_at=0.0, look=True)
-        ),
+        "VelocityFilter.set_barriers": Call(velocity().set_barriers, given(barriers=[DISC])),
         "VelocityFilter.check": Call(cart.check, given(barriers=[DISC])),
         "VelocityFilter.command_at": Call(cart.command_at, given(now=0.0)),
         "VelocityFilter.goal": Call(assign(cart, "goal"), given(value=(1.0, 0.0))),
@@ -286,9 +275,7 @@ def calls() -> dict[str, Call]:
         "VelocityFilter.program": Call(assign(cart, "program"), given(value="lex-cbf-qp")),
         "VelocityFilter.barriers": Call(assign(cart, "barriers"), given(value=[DISC])),
         "VelocityFilter.go_on_from": Call(velocity().go_on_from, given(other=velocity())),
-        "Estimate": Call(
-            lambda x: batch().reset(x=models.Estimate(x)), given(x=np.zeros((3, 4)))
-        ),
+        "Estimate": Call(lambda x: batch().reset(x=models.Estimate(x)), given(x=np.zeros((3, 4)))),
         "Uncertainty": Call(
             lambda distance: hcbf_gym.Plant(
                 **PLANT_OF | {"uncertainty": models.Uncertainty(distance)}
@@ -299,67 +286,48 @@ def calls() -> dict[str, Call]:
             lambda **given: hcbf_gym.Plant(**PLANT_OF | {"axle": models.Axle(**given)}),
             given(look_ahead=0.2, forward=1.0, turn=2.0, braking=1.0),
         ),
-        "Ball": Call(models.Ball, given(radius=1.0, sides=16)),
+        "Ball": Call(models.Ball, given(radius=1.0)),
         "Box": Call(models.Box, given(low=(-1.0, -1.0), high=(1.0, 1.0))),
-        "Box.symmetric": Call(models.Box.symmetric, given(limit=1.0, n_u=2)),
-        "Box.contains": Call(one.contains, given(u=(1.0, 1.0), tolerance=1e-9)),
+        "Box.symmetric": Call(models.Box.symmetric, given(limit=1.0)),
+        "Box.contains": Call(one.contains, given(u=(1.0, 1.0))),
         "Box.project": Call(one.project, given(u=(9.0, 1.0))),
         "Box.support": Call(one.support, given(a=np.ones(2))),
         "Box.scaled": Call(one.scaled, given(factor=0.5)),
-        "Ball.contains": Call(models.Ball(1.0).contains, given(u=(1.0, 1.0), tolerance=1e-9)),
+        "Ball.contains": Call(models.Ball(1.0).contains, given(u=(1.0, 1.0))),
         "Ball.project": Call(models.Ball(1.0).project, given(u=(9.0, 1.0))),
         "Ball.support": Call(models.Ball(1.0).support, given(a=np.ones(2))),
         "input_sets.from_dict": Call(input_sets.from_dict, given(fields=BOX.to_dict())),
-        "ControlAffine": Call(
-            models.ControlAffine, given(f=drift, g=inputs, n=2, n_u=2, velocity_at=None)
-        ),
+        "ControlAffine": Call(models.ControlAffine, given(f=drift, g=inputs, n=2, n_u=2)),
         "DoubleIntegrator": Call(models.DoubleIntegrator, given(n_u=2, drag=0.1)),
         "SingleIntegrator": Call(models.SingleIntegrator, given(n_u=2)),
         "Unicycle": Call(models.Unicycle, {}),
         "KinematicBicycle": Call(models.KinematicBicycle, given(rear=1.5)),
-        "Disc": Call(barriers.Disc, given(
-            name="a", priority=1, center=(0.0, 0.0), radius=1.0, velocity=(0.0, 0.0),
-        )),
-        "HalfPlane": Call(barriers.HalfPlane, given(
-            name="a", priority=1, normal=(1.0, 0.0), offset=1.0,
-        )),
-        "Ellipse": Call(barriers.Ellipse, given(
-            name="a", priority=1, center=(0.0, 0.0), semi_axes=(1.0, 2.0), angle=0.1,
-            velocity=(0.0, 0.0),
-        )),
-        "ConvexPolygon": Call(barriers.ConvexPolygon, given(
-            name="a", priority=1, vertices=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)),
-            velocity=(0.0, 0.0),
-        )),
-        "Capsule": Call(barriers.Capsule, given(
-            name="a", priority=1, start=(0.0, 0.0), end=(1.0, 0.0), radius=0.1, velocity=(0.0, 0.0),
-        )),
-        "SpeedLimit": Call(
-            barriers.SpeedLimit, given(name="a", priority=1, v_max=1.0, margin=0.1)
-        ),
+        "Disc": Call(barriers.Disc, given(name="a", priority=1)),
+        "HalfPlane": Call(barriers.HalfPlane, given(name="a", priority=1)),
+        "Ellipse": Call(barriers.Ellipse, given(name="a", priority=1)),
+        "ConvexPolygon": Call(barriers.ConvexPolygon, given(name="a", priority=1)),
+        "Capsule": Call(barriers.Capsule, given(name="a", priority=1)),
+        "SpeedLimit": Call(barriers.SpeedLimit, given(name="a", priority=1)),
         "Function": Call(barriers.Function, given(
-            name="a", priority=1, function=lambda x, t, p: x[0] - p[0], parameters=[1.0],
+            name="a", priority=1, function=lambda x, t, p: x[0] - p[0],
         )),
         "Shapes": Call(barriers.Shapes, given(
-            name="a", priority=1, shape="disc", values=[[0.0, 0.0, 1.0]], velocity=(0.0, 0.0),
+            name="a", priority=1, shape="disc", values=[[0.0, 0.0, 1.0]],
         )),
         "Shapes polygons": Call(barriers.Shapes, given(
-            name="a", priority=1, shape="convex-polygon",
-            values=[[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]], velocity=(0.0, 0.0),
+            name="a", priority=1, shape="convex-polygon", values=[[[0.0, 0.0], [1.0, 0.0], [0.0,
+            1.0]]],
         )),
-        "BarrierSet": Call(barriers.BarrierSet, given(
-            scenes=[[DISC], [DISC]], before=None, is_placed=True,
+        "BarrierSet": Call(barriers.BarrierSet, given(scenes=[[DISC], [DISC]])),
+        "BarrierSet.set_scene": Call(barriers.BarrierSet([[DISC]]).set_scene, given(
+            i=0, scene=[DISC],
         )),
-        "BarrierSet.set_scene": Call(
-            barriers.BarrierSet([[DISC]]).set_scene, given(i=0, scene=[DISC])
-        ),
         "RowSettings": Call(barriers.RowSettings, given(
             alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(), period=0.02, u_max=5.0,
             limits=((-5.0, -5.0), (5.0, 5.0)),
         )),
         "GeneralRows": Call(barriers.GeneralRows, given(
             model=models.Unicycle(), alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(),
-            most=None,
         )),
         "GeneralRows()": Call(
             barriers.GeneralRows(
@@ -371,31 +339,23 @@ def calls() -> dict[str, Call]:
         "LogClassK": Call(barriers.LogClassK, given(phi1=1.0, phi2=1.0, phi3=1.0)),
         "barriers.from_dict": Call(barriers.from_dict, given(data=barriers.to_dict(DISC))),
         "barriers.to_dict": Call(barriers.to_dict, given(barrier=DISC)),
-        "barriers.register": Call(
-            barriers.register, given(kind="disc", barrier=barriers.Disc)
-        ),
+        "barriers.register": Call(barriers.register, given(kind="disc", barrier=barriers.Disc)),
         "programs.make": Call(programs.make, given(
-            program="lex-cbf-qp", input_set=BOX, solver=None, lambda_u=1.0, weights=[None, 1.0],
-            delta_gamma=0.0,
+            program="lex-cbf-qp", lambda_u=1.0, weights=[None, 1.0], delta_gamma=0.0,
         )),
         "programs.make r": Call(programs.make, given(
             program="r-cbf-qp", gamma0=5.0, delta_gamma=1.3, lambda_u=1.0, epsilon="zero",
         )),
-        "programs.make_batch": Call(programs.make_batch, given(program="h-cbf-qp", input_set=BOX)),
-        "program()": Call(
-            programs.make("lex-cbf-qp").__call__, given(u_nominal=np.ones(2), rows=ROWS)
-        ),
-        "program(), by a solver": Call(
-            programs.make("h-cbf-qp", solver="daqp").__call__,
-            given(u_nominal=np.ones(2), rows=ROWS),
-        ),
-        "program() of many": Call(
-            programs.make_batch("lex-cbf-qp").__call__,
-            given(
-                u_nominal=np.ones((1, 2)),
-                rows=programs.CbfRows(*(part[None] for part in ROWS[:4])),
-            ),
-        ),
+        "programs.make_batch": Call(programs.make_batch, given(program="h-cbf-qp")),
+        "program()": Call(programs.make("lex-cbf-qp").__call__, given(
+            u_nominal=np.ones(2), rows=ROWS,
+        )),
+        "program(), by a solver": Call(programs.make("h-cbf-qp", solver="daqp").__call__, given(
+            u_nominal=np.ones(2), rows=ROWS,
+        )),
+        "program() of many": Call(programs.make_batch("lex-cbf-qp").__call__, given(
+            u_nominal=np.ones((1, 2)), rows=programs.CbfRows(*(part[None] for part in ROWS[:4])),
+        )),
         **{
             f"program() {part}": Call(
                 lambda value, part=part: programs.make("lex-cbf-qp")(
@@ -409,12 +369,10 @@ def calls() -> dict[str, Call]:
         "programs.options": Call(programs.options, given(program="lex-cbf-qp")),
         "programs.plain": Call(programs.plain, given(program="lex-cbf-qp")),
         "programs.plan_of": Call(programs.plan_of, given(program="lex-cbf-qp")),
-        "programs.register": Call(
-            programs.register, given(name="cbf-qp", plan=programs.plan_of("cbf-qp"))
-        ),
-        "Plan": Call(programs.Plan, given(
-            strict="all", lower="relaxed", order="by level", lock="bound"
+        "programs.register": Call(programs.register, given(
+            name="cbf-qp", plan=programs.plan_of("cbf-qp"),
         )),
+        "Plan": Call(programs.Plan, given(strict="all")),
         "conflict_report": Call(programs.conflict_report, given(
             rows=ROWS, result=programs.make("lex-cbf-qp")(np.zeros(2), ROWS), input_set=BOX,
         )),
@@ -424,87 +382,66 @@ def calls() -> dict[str, Call]:
         "Grid": Call(maps.Grid, given(resolution=0.1, origin=(0.0, 0.0, 0.0), shape=(6, 8))),
         "Grid.to_cells": Call(GRID.to_cells, given(points=[[0.0, 0.0]])),
         "Grid.to_world": Call(GRID.to_world, given(cells=[[0.0, 0.0]])),
-        "MapClass": Call(maps.MapClass, given(
-            name="walls", rank=1, kind="keepout", cells=CELLS, limit=None, margin=0.0,
-        )),
-        "RankedMap": Call(maps.RankedMap, given(grid=GRID, classes=MAP.classes, source=None)),
-        "RankedMap.load": Call(maps.RankedMap.load, given(
-            file="nowhere.yaml", masks={}, rank=1, unknown=1, margin=0.0,
-        )),
+        "MapClass": Call(maps.MapClass, given(name="walls", rank=1, kind="keepout", cells=CELLS)),
+        "RankedMap": Call(maps.RankedMap, given(grid=GRID, classes=MAP.classes)),
+        "RankedMap.load": Call(maps.RankedMap.load, given(file="nowhere.yaml")),
         "RankedMap.from_dict": Call(maps.RankedMap.from_dict, given(data=MAP.to_dict())),
-        "RankedMap.distance": Call(MAP.distance, given(points=[[0.0, 0.0]], rank=None)),
-        "RankedMap.update": Call(
-            MAP.update, given(corner=(0, 0), cells={"walls": CELLS[:2, :2]})
-        ),
+        "RankedMap.distance": Call(MAP.distance, given(points=[[0.0, 0.0]])),
+        "RankedMap.update": Call(MAP.update, given(corner=(0, 0), cells={"walls": CELLS[:2, :2]})),
         "RankedMap.polygons": Call(MAP.polygons, given(name="walls")),
-        "paying": Call(
-            lambda **given: list(maps.paying(**given)), given(ranked=MAP, x=X, slack=[0.1])
-        ),
-        "Scan": Call(maps.Scan, given(
-            name="scan", points=[[1.0, 0.0], [1.0, 0.1]], pose=(0.0, 0.0, 0.0), period=0.1,
-            speed=0.0, rank=1, margin=0.0, noise=0.01, depth=0.05, reach=6.0,
+        "paying": Call(lambda **given: list(maps.paying(**given)), given(
+            ranked=MAP, x=X, slack=[0.1],
         )),
-        "points_of": Call(maps.points_of, given(ranges=[1.0, 2.0], angles=[0.0, 0.1], name="scan")),
+        "Scan": Call(maps.Scan, given(
+            name="scan", points=[[1.0, 0.0], [1.0, 0.1]], pose=(0.0, 0.0, 0.0),
+        )),
+        "points_of": Call(maps.points_of, given(ranges=[1.0, 2.0], angles=[0.0, 0.1])),
         "Scenario": Call(scenarios.Scenario, given(
             name="scene", barriers=(DISC,), reference=PointReference((4.0, 0.0)),
-            start=(0.0, 0.0), input_set=BOX, task="track", goal_radius=0.25, v_max=1.0,
-            obstacles=(), map=None,
         )),
         "BoxObstacle": Call(scenarios.BoxObstacle, given(
-            name="box", center=(0.0, 0.0), size=(1.0, 1.0, 1.0), yaw=0.0, mass=None,
+            name="box", center=(0.0, 0.0), size=(1.0, 1.0, 1.0),
         )),
-        "scenarios.make": Call(
-            scenarios.make, given(scenario="random", rng=np.random.default_rng(0))
-        ),
+        "scenarios.make": Call(scenarios.make, given(scenario="random")),
         "scenarios.from_dict": Call(scenarios.from_dict, given(data=scene().to_dict())),
         "scenarios.load": Call(scenarios.load, given(path="nowhere.json")),
         "scenarios.register": Call(scenarios.register, given(
-            name="called", draw=lambda generator, scene: None, shapes=1, v_max=1.0,
-            floor=None, hooks=scenarios.Hooks(),
+            name="called", draw=lambda generator, scene: None, shapes=1,
         )),
         "scenarios.families": Call(scenarios.families, {}),
         "scenarios.family_of": Call(scenarios.family_of, given(scenario="random")),
         "scenarios.is_random": Call(scenarios.is_random, given(scenario="random")),
         "scenarios.names": Call(scenarios.names, {}),
-        "scenarios.on_map": Call(
-            scenarios.on_map, given(file=None, masks={}, slow={}, otherwise="random")
-        ),
+        "scenarios.on_map": Call(scenarios.on_map, given(
+            file=None, masks={}, slow={}, otherwise="random",
+        )),
         "policies.load": Call(policies.load, given(name="ppo", env=regions())),
         "policies.make": Call(policies.make, given(name="pd", env=regions())),
-        "policies.register": Call(
-            policies.register, given(name="pd.again", make=policies.PDTracker.for_env)
-        ),
+        "policies.register": Call(policies.register, given(
+            name="pd.again", make=policies.PDTracker.for_env,
+        )),
         "policies.names": Call(policies.names, {}),
         "policies.check": Call(policies.check, given(name="pd")),
         "policies.files": Call(policies.files, given(name="pd")),
         "policies.is_own": Call(policies.is_own, given(name="pd")),
-        "policies.try_out": Call(policies.try_out, given(name="pd", env=regions(), seed=0)),
-        "PDTracker": Call(policies.PDTracker, given(
-            low=np.full(2, -5.0), high=np.full(2, 5.0), kp=2.0, kd=3.0, feed_forward=False,
-        )),
+        "policies.try_out": Call(policies.try_out, given(name="pd", env=regions())),
+        "PDTracker": Call(policies.PDTracker, given(low=np.full(2, -5.0), high=np.full(2, 5.0))),
         "PDTracker()": Call(
             policies.PDTracker(np.full(2, -5.0), np.full(2, 5.0)).__call__,
             given(observation=np.zeros(8), info={}),
         ),
         "LearnedPolicy()": Call(net.__call__, given(observation=np.zeros(net.mean.shape), info={})),
         "Geodesic": Call(guidance.Geodesic, given(count=1, through=0, cell=0.1)),
-        "Geodesic.reset": Call(
-            guidance.Geodesic().reset,
-            given(barriers=[DISC], goal=(4.0, 0.0), extent=None, clearance=0.0, start=(0.0, 0.0)),
-        ),
+        "Geodesic.reset": Call(guidance.Geodesic().reset, given(barriers=[DISC], goal=(4.0, 0.0))),
         "Local": Call(guidance.Local, given(count=1)),
         "Walker.load": Call(Walker.load, given(path="cart")),
-        "input_sets.read": Call(
-            input_sets.read, given(name="U", value=spaces.Box(-5.0, 5.0, (2,)))
-        ),
-        "conflict_report of a space": Call(
-            programs.conflict_report,
-            given(
-                rows=ROWS,
-                result=programs.make("lex-cbf-qp")(np.zeros(2), ROWS),
-                input_set=spaces.Box(-5.0, 5.0, (2,)),
-            ),
-        ),
+        "input_sets.read": Call(input_sets.read, given(
+            name="U", value=spaces.Box(-5.0, 5.0, (2,)),
+        )),
+        "conflict_report of a space": Call(programs.conflict_report, given(
+            rows=ROWS, result=programs.make("lex-cbf-qp")(np.zeros(2), ROWS),
+            input_set=spaces.Box(-5.0, 5.0, (2,)),
+        )),
         "Sensors": Call(estimation.Sensors, given(rate=20.0, noise=0.02)),
         "certificates.load": Call(certificates.load, given(source="regions")),
     }  # fmt: skip

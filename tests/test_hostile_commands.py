@@ -20,12 +20,9 @@ from hcbf_gym.errors import HcbfError, InvalidInputError
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
-SECONDS = 5.0
-"""Of a processor until a refusal."""
-BESIDE = {"certify": ["regions"], "identify": ["cart"]}
-"""What a command needs besides."""
-ANY_FINITE = {"tune --mean", "tune --covariance", "ros-sim --start"}
-"""Numbers without a range."""
+SECONDS = 5.0  # of a processor until a refusal
+BESIDE = {"certify": ["regions"], "identify": ["cart"]}  # what a command needs besides
+ANY_FINITE = {"tune --mean", "tune --covariance", "ros-sim --start"}  # numbers without a range
 WORK = {
     "evaluate": [("hcbf_gym.evaluation.command", "_run")],
     "certify": [

@@ -37,7 +37,7 @@ def test_wrong_values_in_every_place_of_every_call_are_refused_in_words(calls):
     kept, failures, count = np.random.default_rng(0), [], 0
     hostile = public_calls.hostile
     for name, call in calls.items():
-        for place in call.given:
+        for place in call.places():
             values = hostile()
             labels = list(values)
             for label in kept.choice(labels, 20, replace=False).tolist():

@@ -29,10 +29,8 @@ from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum, check_coun
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Uncertainty
 
-SEEDS = 100_000_000
-"""Of each `--seed`; the second half belongs to its certificates."""
-TRY_SEEDS = 1_000_000
-"""Of each try of a seed."""
+SEEDS = 100_000_000  # of each `--seed`; the second half belongs to its certificates
+TRY_SEEDS = 1_000_000  # of each try of a seed
 PATTERNS = {
     "version": (r"\d+\.\d+\.\d+(\.dev\d+)?", "one such as '0.2.0'"),
     "commit": (
@@ -40,8 +38,7 @@ PATTERNS = {
         "'' or 7 to 40 hexadecimal digits, with a + where files were edited",
     ),
 }
-CALIBRATED = ("distance", "speed")
-"""Of `Uncertainty`, what a calibration sets."""
+CALIBRATED = ("distance", "speed")  # of `Uncertainty`, what a calibration sets
 TOTALS = ("episodes", "entered", "falls", "alarms")
 
 

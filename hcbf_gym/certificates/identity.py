@@ -43,8 +43,7 @@ FIELD = type(collections.namedtuple("_", "x").x)  # type: ignore[attr-defined]
 """Of a named tuple's class."""
 HIDDEN = ("eval", "exec", "globals", "locals", "__import__")
 """Built-in functions that read what no bytecode names."""
-MANY = 100
-"""A longer list of floats is hashed in one piece."""
+MANY = 100  # A longer list of floats is hashed in one piece
 
 
 class UnhashableError(HcbfError, TypeError):

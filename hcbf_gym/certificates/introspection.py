@@ -12,8 +12,7 @@ from hcbf_gym import sources, version
 
 DRAWN = ("_np_random", "_np_random_seed", "spec", "render_mode")
 """Attributes of Gymnasium's environments and spaces that decide no transition."""
-WORD = 8
-"""Of memory [byte]."""
+WORD = 8  # of memory [byte]
 
 
 def attributes(thing: Any) -> dict[str, Any]:

@@ -146,13 +146,12 @@ def _holds(got: Any, expected: Any, declared: Mapping[str, object]) -> bool:
         ends = expected.get("from", -np.inf), expected.get("to", np.inf)
         low, high = (declared.get(end) if isinstance(end, str) else end for end in ends)
         numbers = got if isinstance(got, list) else [got]
-        known = all(_is_number(one) for one in (low, high, *numbers))
+        known = all(
+            isinstance(one, int | float) and not isinstance(one, bool)
+            for one in (low, high, *numbers)
+        )
         return known and bool(numbers) and all(low <= one <= high for one in numbers)
     return bool(got == records.plain(expected))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _shown(got: object, expected: Any) -> str:

@@ -1,9 +1,10 @@
 """Parts of a certificate: what episodes showed, by policy and scene, by tens, and in all."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, count, finite_float
 
 BLOCK = 10
 """Episodes that are summed up together, so that a part can be repeated and compared."""
@@ -102,6 +103,4 @@ def vacuous(shown: Shown, episodes: int) -> str:
 def check_counts(record: object, *names: str) -> None:
     """Refuse fields that are no counts."""
     for name in names:
-        number = getattr(record, name)
-        if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-            raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
+        count(f"certificate: {name}", getattr(record, name), minimum=0, maximum=math.inf)

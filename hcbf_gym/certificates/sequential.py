@@ -23,14 +23,10 @@ from typing import Any
 
 import numpy as np
 
-BET = 5.0
-"""ε/q: the wager is best where episodes enter so many times less often than the bound."""
-NEVER = 2.0
-"""Above ε over this, e falls on average, and no number of episodes reaches 1/β."""
-DOUBT = 1e-3
-"""How often a run is called hopeless at most whose chance is not above ε / `NEVER`."""
-MOST = 700.0
-"""ln e beyond which e stays the same: doubles end at 709."""
+BET = 5.0  # ε/q: the wager is best where episodes enter so many times less often than the bound
+NEVER = 2.0  # above ε over this, e falls on average, and no number of episodes reaches 1/β
+DOUBT = 1e-3  # how often a run is called hopeless at most whose chance is not above ε / `NEVER`
+MOST = 700.0  # ln e beyond which e stays the same: doubles end at 709
 
 
 def log_e(entered: int, episodes: int, chance: float, rival: float) -> float:

@@ -28,12 +28,9 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array
 from hcbf_gym.locomotion.gait import GAITS
 
-FULL = 5.0
-"""The limit of each input [m/s²]; the filter cuts what its own U does not hold."""
-BEYOND = 1.0
-"""How much farther than the nearest piece of a map the others are seen [m]."""
-STREAM = 42
-"""Sets an attacker's draws apart from those of the scene that the same seed decides."""
+FULL = 5.0  # the limit of each input [m/s²]; the filter cuts what its own U does not hold
+BEYOND = 1.0  # how much farther than the nearest piece of a map the others are seen [m]
+STREAM = 42  # sets an attacker's draws apart from those of the scene that the same seed decides
 GAIT_PERIOD = GAITS["trot"].period
 """Of the default trot [s]; the attack in step with the gait reverses with it."""
 
@@ -247,8 +244,7 @@ class Searched(Attack):
 
 TRAINED = Path(__file__).with_name("trained_attack.json")
 """The parameters of `Trained`, with the command that made them."""
-N_TRAINED = 20
-"""How many there are."""
+N_TRAINED = 20  # how many there are
 
 
 @cache

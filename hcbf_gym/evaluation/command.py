@@ -57,15 +57,11 @@ from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.sources import sources_hash
 
-RESUMED = "the same command resumes this run"
-"""Printed after Ctrl-C."""
+RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 OUTPUT = Path("results/evaluate")
-FEW = 10
-"""Of fewer episodes the table gives no bound on entering: it would be near 1 anyway."""
-COLUMNS = 5
-"""Pairs of policy and program beside each other in one table."""
-OWN_STEPS = 500
-"""The most that an episode of a user's environment takes by default."""
+FEW = 10  # of fewer episodes the table gives no bound on entering: it would be near 1 anyway
+COLUMNS = 5  # pairs of policy and program beside each other in one table
+OWN_STEPS = 500  # the most that an episode of a user's environment takes by default
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,13 @@ from hcbf_gym import plugins
 from hcbf_gym.errors import InvalidInputError
 
 
-def _no_files(options: Mapping[str, Any]) -> list[Path]:
-    return []
-
-
 class Known(NamedTuple):
     """What commands know of an environment."""
 
     robot: str | None  # what moves in it; None where the argument `robot` decides
     options: tuple[str, ...] = ()  # those arguments of `hcbf evaluate` that the environment takes
     # (arguments of the environment) → the user's files that decide what it does
-    files: Callable[[Mapping[str, Any]], list[Path]] = _no_files
+    files: Callable[[Mapping[str, Any]], list[Path]] = lambda options: []
 
 
 _ENVIRONMENTS: dict[str, Known] = {}

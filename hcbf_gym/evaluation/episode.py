@@ -8,8 +8,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Info
 
-Act = Callable[[Any, Info], Any]
-"""(observation, info) → action; of N environments, for all of them."""
+Act = Callable[[Any, Info], Any]  # (observation, info) → action; of N environments, for all of them
 
 
 class Sample(NamedTuple):

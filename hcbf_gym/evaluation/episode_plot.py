@@ -34,8 +34,7 @@ _ARROW = {"arrowstyle": "->", "color": "k", "lw": 1.2}
 _LATER = 5.0  # [s] between the later outlines of regions that move
 _MOST = 3  # of these
 
-Shown = Mapping[tuple[str, str], Episode]
-"""(policy, program) → an episode; either may be any label."""
+Shown = Mapping[tuple[str, str], Episode]  # (policy, program) → an episode; either may be any label
 
 
 class Picture(Figure):

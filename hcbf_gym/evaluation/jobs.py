@@ -38,14 +38,11 @@ from hcbf_gym.opened import MISSING, content
 from hcbf_gym.records import make_folder, whole
 from hcbf_gym.sources import of_user, sources_hash
 
-PRINTED_EVERY = 15.0
-"""Where no terminal shows the progress, it is printed [s]."""
+PRINTED_EVERY = 15.0  # where no terminal shows the progress, it is printed [s]
 COMPUTING = ("numpy", "scipy", "mujoco", "gymnasium")
 """Whose versions decide the bits of an episode."""
-ATTEMPTS = 5
-"""How often a job runs whose worker dies, before it is given up."""
-REPEATED = 10
-"""One of so many saved jobs is repeated."""
+ATTEMPTS = 5  # how often a job runs whose worker dies, before it is given up
+REPEATED = 10  # one of so many saved jobs is repeated
 
 J = TypeVar("J")
 R = TypeVar("R")

@@ -23,8 +23,7 @@ from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
 _REPORTED = ("u_nominal", "psi", "slack", "delta")
-Positions = Callable[[Array], Any]
-"""x (n,) → (2,) where the robot is seen from above [m]."""
+Positions = Callable[[Array], Any]  # x (n,) → (2,) where the robot is seen from above [m]
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, 
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.programs import FilterStatus
 
-UNFILTERED = "none"
-"""The name of no filter, in a program's place."""
+UNFILTERED = "none"  # the name of no filter, in a program's place
 
 SHOWN_OPTIONS: dict[str, dict[str, Any]] = {
     "r-cbf-qp": {"gamma0": 0.05},

@@ -5,12 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import beta, binomtest, t
 
-from hcbf_gym.errors import InvalidInputError, finite_float
+from hcbf_gym.errors import InvalidInputError, count, finite_float
 
-CONFIDENCE = 0.999
-"""Of the bounds that tables give."""
-BOUNDED = f"≤ at {CONFIDENCE:.1%}"
-"""In the name of a column with such bounds."""
+CONFIDENCE = 0.999  # of the bounds that tables give
+BOUNDED = f"≤ at {CONFIDENCE:.1%}"  # in the name of a column with such bounds
 
 
 def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> float:
@@ -34,8 +32,8 @@ def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> 
 
     Source: C. J. Clopper and E. S. Pearson, Biometrika 26 (1934).
     """
-    _check_count("episodes", episodes, 1)
-    _check_count("entered", entered, 0)
+    count("episodes", episodes)
+    count("entered", entered, minimum=0)
     if entered > episodes:
         raise InvalidInputError(f"entered: got {entered} of {episodes} episodes, expected no more")
     if not 0.0 < finite_float("confidence", confidence) < 1.0:
@@ -47,11 +45,9 @@ def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> 
     return float(beta.ppf(confidence, entered + 1, episodes - entered))
 
 
-INTERVAL = 0.95
-"""Confidence of the intervals that tables give of shares and means."""
+INTERVAL = 0.95  # confidence of the intervals that tables give of shares and means
 
-Interval = list[float] | None
-"""[low, high]; None where too little was seen for one."""
+Interval = list[float] | None  # [low, high]; None where too little was seen for one
 
 
 def mean(values: Sequence[float | None]) -> float | None:
@@ -79,8 +75,7 @@ def shown_share(share: float, n: int) -> str:
         >>> shown_share(0.76, 200)
         '76.0 [69.5, 81.7]'
     """
-    count = round(share * n)
-    low, high = binomtest(count, n).proportion_ci(INTERVAL, "exact")
+    low, high = binomtest(round(share * n), n).proportion_ci(INTERVAL, "exact")
     return f"{100.0 * share:.1f} [{100.0 * low:.1f}, {100.0 * high:.1f}]"
 
 
@@ -110,8 +105,3 @@ def counted(entered: int, episodes: int) -> str:
 def at_most(entered: int, episodes: int) -> str:
     """Return the bound as tables show it beside a share."""
     return f"≤ {upper_bound(entered, episodes):.2%}"
-
-
-def _check_count(name: str, value: int, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InvalidInputError(f"{name}: got {value!r}, expected an integer >= {least}")

@@ -18,10 +18,8 @@ from hcbf_gym.evaluation.episode_plot import frame, seen_from
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.programs import FilterStatus
 
-RATE = 25
-"""Pictures in a second of the film."""
-SIDE = 480
-"""Of a picture [pixels]."""
+RATE = 25  # pictures in a second of the film
+SIDE = 480  # of a picture [pixels]
 
 
 def film(episode: Episode, path: str | Path, barriers: Sequence[Barrier | Shapes] = ()) -> None:

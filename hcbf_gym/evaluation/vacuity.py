@@ -9,14 +9,11 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-AHEAD = (0.25, 0.5, 0.75, 1.0)
-"""When a held u* may have entered [s]."""
+AHEAD = (0.25, 0.5, 0.75, 1.0)  # when a held u* may have entered [s]
 CHANGED = 1e-3
 """‖u − u*‖ from which the filter has changed an input, as a share of the greatest of U."""
-JUMP = 10.0
-"""How many times the usual step a step is that no robot makes."""
-WHOLE = 0.2
-"""And what share of all that h went through in the episode."""
+JUMP = 10.0  # how many times the usual step a step is that no robot makes
+WHOLE = 0.2  # and what share of all that h went through in the episode
 
 Strict = Callable[[Array, Array], Array]
 """(x (j, n), t (j,)) → (j, m) the strict h's on the position."""

@@ -5,10 +5,13 @@ checkpoint in its folder; curves.png and curves.json show all seeds. Needs the e
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import tyro
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
@@ -16,7 +19,6 @@ from hcbf_gym.arguments import Count, Folder
 from hcbf_gym.errors import require
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.training import TrainingConfig, train
-from hcbf_gym.training.curves import plot_curves
 
 RESUMED = "the same command with --resume continues from the last checkpoint"
 """Printed after Ctrl-C."""
@@ -58,3 +60,21 @@ def main(args: Args) -> None:
     write_json(args.output / "curves.json", curves)
     plot_curves(curves, args.output / "curves.png")
     Console().print(f"policies and curves in {args.output}")
+
+
+def plot_curves(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path) -> None:
+    """Draw success and return on held-out scenes over the decisions and the time they took."""
+    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    by_steps, by_time = figure.subplots(1, 2, sharey=True)
+    for name, curve in curves.items():
+        success = [100.0 * point["success"] for point in curve]
+        by_steps.plot([point["steps"] / 1e6 for point in curve], success, ".-", label=name)
+        by_time.plot([point["seconds_spent"] / 60.0 for point in curve], success, ".-", label=name)
+    by_steps.set(xlabel="decisions [million]", ylabel="held-out scenes solved [%]", ylim=(0, 102))
+    by_time.set(xlabel="time [min]")
+    for axes in (by_steps, by_time):
+        axes.axhline(95.0, color="0.6", linewidth=0.8, linestyle="--")
+        axes.grid(alpha=0.3)
+    by_steps.legend()
+    figure.savefig(path, dpi=110)

@@ -14,8 +14,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.policies.learned import LearnedPolicy
 
-UNSEEN = 1e-5
-"""Variance of an observation's entry below which it counts as constant."""
+UNSEEN = 1e-5  # variance of an observation's entry below which it counts as constant
 
 
 def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:

@@ -28,21 +28,15 @@ from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.models.plant import Reason, Uncertainty
 from hcbf_lab.certification.families import Seen
 
-ROUNDS = 4
-"""How often margins are set before a plant is refused."""
-TAIL = 0.05
-"""Share of the needs from which the tail is read."""
-LEAST_TAIL = 5
-"""And at least so many."""
+ROUNDS = 4  # how often margins are set before a plant is refused
+TAIL = 0.05  # share of the needs from which the tail is read
+LEAST_TAIL = 5  # and at least so many
 BEYOND = (1.1, 1.25)
 """What is reserved at least and at most, of the greatest need that was seen: a tail that is read
 from few episodes exaggerates."""
-GENERATIONS, POPULATION = 4, 12
-"""Of a search: attackers of one generation meet the same episode."""
-ELITE = 4
-"""Of a generation, those that the next one is drawn around."""
-STREAM = 43
-"""Sets a search's draws apart from those of the episodes that it runs."""
+GENERATIONS, POPULATION = 4, 12  # of a search: attackers of one generation meet the same episode
+ELITE = 4  # of a generation, those that the next one is drawn around
+STREAM = 43  # sets a search's draws apart from those of the episodes that it runs
 
 Run = Callable[[Uncertainty, Sequence[int], str], list[Seen]]
 """(margins, seeds, title) → what the episodes of these seeds showed."""
@@ -119,7 +113,8 @@ def calibrate(
     last = rounds[-1]
     raise RefusedError(
         f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "
-        f"last {last.what} still entered, with {_units(margins)}: the plant does not do what its "
+        f"last {last.what} still entered, with {margins.distance:.3g} m "
+        f"and {margins.speed:.3g} m/s reserved: the plant does not do what its "
         "model predicts, and no margin makes up for it; look at delay, drag and U"
     )
 
@@ -229,10 +224,6 @@ def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> Non
             f"calibration: the row of the speed limit would reserve {margins.speed:.3g} m/s of "
             f"{v_max:g} m/s: the margin leaves no speed; raise v_max, or reduce U"
         )
-
-
-def _units(margins: Uncertainty) -> str:
-    return f"{margins.distance:.3g} m and {margins.speed:.3g} m/s reserved"
 
 
 def plain(rounds: Iterable[Round]) -> tuple[Mapping[str, Any], ...]:

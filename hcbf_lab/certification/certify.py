@@ -27,12 +27,9 @@ from hcbf_gym.sources import NAMES, PACKAGE
 from hcbf_lab.certification import calibration, families, own
 from hcbf_lab.certification.families import Family, Seen, run_searched, run_seed
 
-LOOK = 100
-"""After how many episodes the running bound is printed."""
-PATIENCE = 10
-"""How many times the fewest episodes are waited for."""
-TRIES = SEEDS // 2 // TRY_SEEDS
-"""How many tries a seed has seeds for."""
+LOOK = 100  # after how many episodes the running bound is printed
+PATIENCE = 10  # how many times the fewest episodes are waited for
+TRIES = SEEDS // 2 // TRY_SEEDS  # how many tries a seed has seeds for
 
 
 def made(family: Family) -> own_environment.Made:

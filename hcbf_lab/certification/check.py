@@ -14,8 +14,7 @@ from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 from hcbf_lab.certification import calibration, certify, families
 from hcbf_lab.certification.families import Family, Seen, run_seed
 
-SAME = 1e-6
-"""By how much a least h may differ [unit of h]."""
+SAME = 1e-6  # by how much a least h may differ [unit of h]
 SAFER = 10.0
 """By how much less often than the bound an episode may need more than calibration reserves."""
 

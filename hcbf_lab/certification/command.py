@@ -35,13 +35,11 @@ from hcbf_robots.walkers.walker import NAMES, Walker
 from hcbf_robots.walkers.walker_margins import uncertainty
 from hcbf_robots.walkers.walker_response import assumed
 
-LOWEST = 0.5
-"""The lowest cap on the speed of a walker, as a share of what its contract can do."""
+LOWEST = 0.5  # the lowest cap on the speed of a walker, as a share of what its contract can do
 SPEED_LEFT = 2.5
 """And of what the row of its speed limit reserves before calibration: an environment requires 2."""
 
-RESUMED = "the same command resumes this run"
-"""Printed after Ctrl-C."""
+RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 
 Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]
@@ -131,7 +129,9 @@ def main(args: Args) -> None:
     margins, rounds = _margins(args, family, runs, console)
     frozen = replace(frozen, margins=margins, calibration=rounds)
     if args.part is not None:
-        _run_part(frozen, runs, args.part, console)
+        seen = list(certify.episodes(frozen, runs, range(*args.part)))
+        entered = sum(one.entered for one in seen)
+        console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
         return
     certificate = certify.certify(frozen, runs, args.at_most)
     file = folder / f"{name}.json"
@@ -139,13 +139,6 @@ def main(args: Args) -> None:
     write_text(file.with_suffix(".md"), page.page(certificate))
     console.print(certificate.summary, soft_wrap=True)
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
-
-
-def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
-    """Run a range of the episodes, which stay in the folder."""
-    seen = list(certify.episodes(frozen, runs, range(*part)))
-    entered = sum(one.entered for one in seen)
-    console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
 def family_of(args: Args) -> Family:

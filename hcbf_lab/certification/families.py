@@ -26,10 +26,8 @@ from hcbf_lab.certification import own
 from hcbf_lab.certification.exact_path import EachMillisecond
 from hcbf_lab.certification.mixture import SCENES, A1Mixture
 
-STREAM = 41
-"""Sets a family's draws apart from those that the environment makes with the same seed."""
-GUIDED = " guided"
-"""What ends the name of a policy that has guidance in the filter."""
+STREAM = 41  # sets a family's draws apart from those that the environment makes with the same seed
+GUIDED = " guided"  # what ends the name of a policy that has guidance in the filter
 SEARCHED = "searched"
 """The attack with parameters, which a search sets; it belongs to no certificate."""
 
@@ -58,8 +56,7 @@ class Seen(NamedTuple):
         return not (self.least_h >= 0.0 and self.least_speed_h >= 0.0)
 
 
-HOSTILE = tuple((name, 1.0) for name in ATTACKS)
-"""Every attack alike."""
+HOSTILE = tuple((name, 1.0) for name in ATTACKS)  # every attack alike
 FRIENDLY = (("pd", 1.0), ("pd guided", 1.0), *((name, 0.5) for name in learned.names()))
 """Policies that want to arrive."""
 
@@ -209,8 +206,7 @@ class OwnFamily:
         return loading.files(self.source) + _files_of(self.policies)
 
 
-ROUNDING = 1e-9
-"""By how much the sum of shares may miss 1."""
+ROUNDING = 1e-9  # by how much the sum of shares may miss 1
 KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture": A1Mixture}
 """kind → family, as a certificate's JSON names it."""
 

@@ -27,8 +27,7 @@ from hcbf_gym.evaluation.attacks import ATTACKS
 STREAM = 23
 """Sets the mixture's draws apart from those that the environment makes with the same seed."""
 
-SCENES = ("random", "random-moving", "random-wide")
-"""The families of scenes."""
+SCENES = ("random", "random-moving", "random-wide")  # the families of scenes
 
 RANGES = {
     "floor_friction": (0.4, 0.8),
@@ -47,8 +46,7 @@ LOAD = ((-0.08, 0.08), (-0.05, 0.05), (0.0, 0.08))
 CAPS = (0.5, 1.7)
 """The caps on the speed [m/s]; the plant's own may be lower than the one requested."""
 
-LEAST_ABLE = 2.5
-"""What U does in its weakest direction on the floor of least friction [m/s²]."""
+LEAST_ABLE = 2.5  # what U does in its weakest direction on the floor of least friction [m/s²]
 
 FRIENDLY: dict[str, dict[str, Any]] = {"pd": {}, "pd guided": {"guidance": "geodesic"}}
 """PD with different arguments of the filter."""

@@ -18,12 +18,9 @@ from hcbf_gym.evaluation.own_environment import least_reported, make, reading
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
 
-CORNERS = 64
-"""The most corners of U of which an attacker predicts the outcome."""
-AHEAD = 0.3
-"""How far an attacker predicts [s]."""
-HELD = 0.04
-"""How long an attacker keeps to what it has decided [s]: predicting takes time."""
+CORNERS = 64  # the most corners of U of which an attacker predicts the outcome
+AHEAD = 0.3  # how far an attacker predicts [s]
+HELD = 0.04  # how long an attacker keeps to what it has decided [s]: predicting takes time
 
 
 @dataclass(frozen=True)

@@ -28,16 +28,12 @@ E = TypeVar("E", bound=Event)
 Handle = TypeVar("Handle", bound=viser.GuiInputHandle)
 Act = Callable[[E], None]
 
-STICK_STEP = 0.25
-"""What one stroke of a key adds to the stick [m/s]."""
-DRAG_PERIOD = 0.1
-"""The least time between two edits of a drag [s]."""
+STICK_STEP = 0.25  # what one stroke of a key adds to the stick [m/s]
+DRAG_PERIOD = 0.1  # the least time between two edits of a drag [s]
 KEYS = {"W": (0.0, 1.0), "S": (0.0, -1.0), "A": (-1.0, 0.0), "D": (1.0, 0.0)}
-LEAST_RANKS = 5
-"""How many ranks can be chosen from; more where a scene has more."""
+LEAST_RANKS = 5  # how many ranks can be chosen from; more where a scene has more
 NO_REGION = "none"
-WIDEST_MARGIN = 0.3
-"""That can be chosen instead of the derived one [m]."""
+WIDEST_MARGIN = 0.3  # that can be chosen instead of the derived one [m]
 
 
 class Controls:
@@ -47,6 +43,7 @@ class Controls:
         self._server, self._session, self._steering = server, session, steering
         self._stale, self._last_drag, self._held = True, 0.0, False
         self.show_field = False
+        self._choices: dict[str, Any] = {}  # field of `Settings` → handle
         gui = server.gui
         self._run_bar(gui)
         tabs = gui.add_tab_group()
@@ -86,20 +83,15 @@ class Controls:
     def agree(self, snapshot: Snapshot) -> None:
         """Show what is chosen and how the scene is."""
         settings, scene = snapshot.settings, snapshot.scenario
-        if settings.policy not in self._policy.options:  # one of the user's own
-            self._policy.options = (*self._policy.options, settings.policy)
-        if settings.model not in self._model.options:  # a contract's path
-            self._model.options = (*self._model.options, settings.model)
-        self._policy.value, self._program.value = settings.policy, settings.program
-        self._returns.value = settings.returns
-        self._model.value, self._guidance.value = settings.model, settings.guidance
-        self._gamma0.value, self._delta_gamma.value = settings.gamma0, settings.delta_gamma
-        self._body.value = settings.body
+        for field, handle in self._choices.items():
+            value = getattr(settings, field)
+            if field in ("policy", "model") and value not in handle.options:  # the user's own
+                handle.options = (*handle.options, value)
+            handle.value = value
         self._derived.value = settings.margin is None
         self._margin.visible = settings.margin is not None
         if settings.margin is not None:
             self._margin.value = settings.margin
-        self._seed.value = settings.seed
         self._pause.value = not snapshot.running
         known = scenarios.names()
         self._scene_name.options = known if scene.name in known else [*known, scene.name]
@@ -152,16 +144,13 @@ class Controls:
         handle.on_update(self._if_steering(lambda event: self._post(command, event.target.value)))
         return handle
 
-    def _on_choice(self, handle: Handle, field: str) -> Handle:
+    def _on_choice(self, handle: viser.GuiInputHandle, field: str) -> None:
         """Send a handle's new value as a field of the settings."""
         change = self._session.change
         handle.on_update(
             self._if_steering(lambda event: self._post(change, **{field: event.target.value}))
         )
-        return handle
-
-    def _on_click(self, handle: viser.GuiButtonHandle, act: Act[viser.GuiEvent]) -> None:
-        handle.on_click(self._if_steering(act))
+        self._choices[field] = handle
 
     def _run_bar(self, gui: viser.GuiApi) -> None:
         session = self._session
@@ -172,10 +161,8 @@ class Controls:
             pace = gui.add_slider("pace", min=0.1, max=2.0, step=0.1, initial_value=1.0)
             self._on_value(pace, session.set_pace)
             self._follow = gui.add_checkbox("follow the robot", True)
-            returns = gui.add_checkbox("return after the goal", True)
-            self._returns = self._on_choice(returns, "returns")
-            seed = gui.add_number("seed", 0, min=0, max=10**6, step=1)
-            self._seed = self._on_choice(seed, "seed")
+            self._on_choice(gui.add_checkbox("return after the goal", True), "returns")
+            self._on_choice(gui.add_number("seed", 0, min=0, max=10**6, step=1), "seed")
 
     def _on_button(self, event: viser.GuiEvent) -> None:
         if event.client is None:
@@ -189,14 +176,14 @@ class Controls:
 
     def _drive(self, gui: viser.GuiApi) -> None:
         session = self._session
-        self._policy = self._on_choice(gui.add_dropdown("policy", policy_names()), "policy")
+        self._on_choice(gui.add_dropdown("policy", policy_names()), "policy")
         stick: dict[str, Any] = {"min": -1.0, "max": 1.0, "step": 0.05, "initial_value": 0.0}
         self._east = gui.add_slider("east [m/s]", **stick)
         self._north = gui.add_slider("north [m/s]", **stick)
         for slider in (self._east, self._north):
             slider.on_update(self._if_steering(lambda _: self._steer()))
         stop = gui.add_button("stop (X)", icon=viser.Icon.HAND_STOP)
-        self._on_click(stop, lambda _: self._set_stick(0.0, 0.0))
+        stop.on_click(self._if_steering(lambda _: self._set_stick(0.0, 0.0)))
         for key, (east, north) in KEYS.items():
             command = gui.add_command(f"stick {key}", hotkey=key)  # type: ignore[arg-type]
             command.on_trigger(self._if_steering(self._nudge(east, north)))
@@ -206,7 +193,7 @@ class Controls:
         gui.add_markdown("A click on the floor is the goal, where the scene has one.")
         force = gui.add_vector2("push [N]", (60.0, 0.0), min=(-500, -500), max=(500, 500), step=10)
         push = gui.add_button("push the trunk", icon=viser.Icon.HAND_FINGER)
-        self._on_click(push, lambda _: self._post(session.push, force.value))
+        push.on_click(self._if_steering(lambda _: self._post(session.push, force.value)))
 
     def _nudge(self, east: float, north: float) -> Act[viser.CommandEvent]:
         def act(event: viser.CommandEvent) -> None:
@@ -224,8 +211,8 @@ class Controls:
 
     def _filter(self, gui: viser.GuiApi) -> None:
         program = gui.add_dropdown("program", program_names(), initial_value="lex-cbf-qp")
-        self._program = self._on_choice(program, "program")
-        self._guidance = self._on_choice(gui.add_checkbox("guidance", True), "guidance")
+        self._on_choice(program, "program")
+        self._on_choice(gui.add_checkbox("guidance", True), "guidance")
         field = gui.add_checkbox("show the field", False)
         field.on_update(self._if_steering(self._toggle_field))
         self._derived = gui.add_checkbox("margin derived", True, hint="else it is chosen")
@@ -235,9 +222,9 @@ class Controls:
         for part in (self._derived, self._margin):
             part.on_update(self._if_steering(lambda _: self._set_margin()))
         gamma0 = gui.add_slider("γ₀", min=0.0, max=20.0, step=0.05, initial_value=5.0)
-        self._gamma0 = self._on_choice(gamma0, "gamma0")
+        self._on_choice(gamma0, "gamma0")
         delta = gui.add_slider("Δγ", min=0.0, max=5.0, step=0.1, initial_value=1.3)
-        self._delta_gamma = self._on_choice(delta, "delta_gamma")
+        self._on_choice(delta, "delta_gamma")
 
     def _toggle_field(self, event: viser.GuiEvent) -> None:
         self.show_field = event.target.value
@@ -249,8 +236,8 @@ class Controls:
 
     def _scene(self, gui: viser.GuiApi) -> None:
         session = self._session
-        self._model = self._on_choice(gui.add_dropdown("robot", model_names()), "model")
-        self._body = self._on_choice(gui.add_dropdown("what stays outside", tuple(BODIES)), "body")
+        self._on_choice(gui.add_dropdown("robot", model_names()), "model")
+        self._on_choice(gui.add_dropdown("what stays outside", BODIES), "body")
         scene = gui.add_dropdown("scene", scenarios.names())
         self._scene_name: Any = self._on_value(scene, session.choose_scene)
         self._region: Any = gui.add_dropdown("region", (NO_REGION,))
@@ -260,7 +247,7 @@ class Controls:
         self._size = gui.add_slider("size [m]", min=0.0, max=8.0, step=0.05, initial_value=1.0)
         self._size.on_update(self._if_steering(self._edit(session.resize)))
         self._rank: Any = gui.add_dropdown("rank", ("1",))
-        self._rank.on_update(self._if_steering(self._set_rank))
+        self._rank.on_update(self._if_steering(self._edit(session.rank, int)))
         save = gui.add_button("save the scene", icon=viser.Icon.DOWNLOAD)
         save.on_click(self._save)
         load = gui.add_upload_button(
@@ -270,11 +257,10 @@ class Controls:
             self._if_steering(lambda e: self._post(session.load_scene, e.target.value.content))
         )
 
-    def _edit(self, command: Callable[..., None]) -> Act[viser.GuiEvent]:
-        return lambda event: self._post(command, self._region.value, event.target.value)
-
-    def _set_rank(self, event: viser.GuiEvent) -> None:
-        self._post(self._session.rank, self._region.value, int(event.target.value))
+    def _edit(
+        self, command: Callable[..., None], read: Callable[[Any], Any] = lambda value: value
+    ) -> Act[viser.GuiEvent]:
+        return lambda event: self._post(command, self._region.value, read(event.target.value))
 
     def _look_at_another(self, event: viser.GuiEvent) -> None:
         self._stale = True

@@ -17,16 +17,12 @@ from hcbf_robots.maps import RankedMap
 
 Rgb = tuple[int, int, int]
 
-WALL_LENGTH, WALL_DEPTH = 40.0, 0.6
-"""How much of a forbidden half-plane is drawn [m]."""
-COLLISION_GROUP = 3
-"""The group of geoms that MuJoCo's own viewer hides."""
+WALL_LENGTH, WALL_DEPTH = 40.0, 0.6  # how much of a forbidden half-plane is drawn [m]
+COLLISION_GROUP = 3  # the group of geoms that MuJoCo's own viewer hides
 LOWEST, HIGHEST = 0.004, 0.03
 """Between which heights regions are drawn, each at its own, a higher rank above a lower one [m]."""
-WALL_HEIGHT = 0.3
-"""Of the strict cells of a map, low enough to look over [m]."""
-ARROWS = 25
-"""Arrows of the guidance field along the longer side of the scene."""
+WALL_HEIGHT = 0.3  # of the strict cells of a map, low enough to look over [m]
+ARROWS = 25  # arrows of the guidance field along the longer side of the scene
 PATH_POINTS = 400
 
 

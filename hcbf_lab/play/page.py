@@ -21,18 +21,14 @@ from hcbf_lab.play.thread_safe_event import use_thread_safe_events
 
 HERE = "127.0.0.1"
 FIRST_PORT = 8080
-RATE = 40.0
-"""How often poses are sent [1/s]; words and curves come `SLOWER` times less often."""
+RATE = 40.0  # how often poses are sent [1/s]; words and curves come `SLOWER` times less often
 SLOWER = 5
 NEAREST = 0.1
 """What is nearer to the camera is not drawn [m]; ten times viser's own, so that a depth buffer can
 distinguish regions that are a millimetre above each other."""
-OFF_CENTRE = 1.0
-"""How far the robot gets from its place in the view before the camera follows [m]."""
-PANEL = 400
-"""What the panel hides at the right of a window [pixels]."""
-NARROW = 576
-"""Up to this width viser puts the panel below the scene [pixels]."""
+OFF_CENTRE = 1.0  # how far the robot gets from its place in the view before the camera follows [m]
+PANEL = 400  # what the panel hides at the right of a window [pixels]
+NARROW = 576  # up to this width viser puts the panel below the scene [pixels]
 
 
 class Page:

@@ -9,8 +9,7 @@ from viser import uplot
 from hcbf_gym.drawing.palette import PATH, priority_color
 from hcbf_lab.play.report import Snapshot
 
-POINTS = 200
-"""Points of a curve."""
+POINTS = 200  # points of a curve
 _HEIGHT = 150
 
 

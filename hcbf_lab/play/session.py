@@ -31,18 +31,12 @@ from hcbf_lab.play.settings import HUMAN, Arrangement, Human, Settings, arrange
 
 Source = str | Path | Mapping[str, object] | Scenario
 
-PUSH_TIME = 0.2
-"""How long a push lasts [s]."""
-HARDEST_PUSH = 500.0
-"""[N]."""
-BEHIND = 0.1
-"""What a slow machine catches up at most [s of the clock]; beyond it, time runs slower."""
-REST = 50
-"""Ticks that a robot stays at its goal before it returns."""
-LATE = 5.0
-"""How long after the end of a course it begins anew, though the robot is not there [s]."""
-CONFLICT_EVERY = 10
-"""Ticks from one conflict report to the next."""
+PUSH_TIME = 0.2  # how long a push lasts [s]
+HARDEST_PUSH = 500.0  # [N]
+BEHIND = 0.1  # what a slow machine catches up at most [s of the clock]; beyond it, time runs slower
+REST = 50  # ticks that a robot stays at its goal before it returns
+LATE = 5.0  # how long after the end of a course it begins anew, though the robot is not there [s]
+CONFLICT_EVERY = 10  # ticks from one conflict report to the next
 
 
 class Session:

@@ -1,14 +1,15 @@
 """What a person chooses in the playground, and the environment, filter and policy that makes."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import policies, programs
+from hcbf_gym.arguments import Amount, Seed
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import choose, finite_float
+from hcbf_gym.errors import choose
 from hcbf_gym.policies import Policy, learned
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
@@ -18,52 +19,48 @@ REDUCED = "reduced"
 MODELS = {"a1": "HCBF-A1Regions-v0", REDUCED: "HCBF-Regions-v0"}
 """The robot: the whole A1 in MuJoCo, or its reduced-order model alone; others by contract."""
 
-BODIES: tuple[str, ...] = ("point", "footprint")
-"""What must stay outside: the trunk's centre, or the whole A1."""
+BODIES = ("point", "footprint")  # what must stay outside: the trunk's centre, or the whole A1
 
 NO_FILTER = "none"
 HUMAN = "human"
 PD = "pd"
 
-STICK_GAIN = 3.0
-"""How the human's acceleration follows the wanted velocity [1/s]."""
+STICK_GAIN = 3.0  # how the human's acceleration follows the wanted velocity [1/s]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a person chooses.
+    """What a person chooses."""
 
-    Raises:
-        UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if a number is out of range.
-    """
-
-    # "a1", "reduced", or a robot that takes velocities: a name or a contract's path
     model: str = "a1"
-    # "point", the robot's centre, or "footprint", the whole robot; the reduced-order model is a
-    # point
-    body: str = BODIES[0]
-    policy: str = PD  # "human", or as `policies.make` takes it
-    program: str = "lex-cbf-qp"  # a name from `hcbf_gym.programs.names()`, or "none" for no filter
-    guidance: bool = True  # whether a geodesic field leads to the goal; not where a human leads
-    margin: float | None = None  # what rows on the position reserve [m]; None derives it
-    gamma0: float = 5.0  # γ₀, where the program has weights
-    delta_gamma: float = 1.3  # Δγ, where the program has weights
-    seed: int = 0  # of random scenes and of the episode
-    returns: bool = True  # whether a robot that has arrived goes back, and there again
+    """The A1 with full physics, the reduced-order model alone (reduced), or a robot that takes
+    velocities: cart, holonomic-cart, or a contract's path."""
+    body: Literal["point", "footprint"] = "point"
+    """What must stay outside: the robot's centre, or the whole robot."""
+    policy: str = PD
+    """pd, human, a learned policy, or one of your own: file.py:function, module:function,
+    model.zip, policy.onnx, policy.pt. A zip and a .pt hold pickles, which run code."""
+    program: str = "lex-cbf-qp"
+    """none, or a name from hcbf_gym.programs.names()."""
+    guidance: bool = True
+    """Lead to the goal around the regions, but where a human leads."""
+    margin: Amount | None = None
+    """What rows on the position reserve between h and zero [m; default: derived]."""
+    gamma0: Amount = 5.0
+    """Weight γ₀, where the program has one."""
+    delta_gamma: Amount = 1.3
+    """Slope Δγ of the weight, where the program has one."""
+    seed: Seed = 0
+    """Of random scenes and of the episode."""
+    returns: bool = True
+    """Whether a robot that has arrived goes back, and there again."""
 
     def __post_init__(self) -> None:
         if not self.model.endswith(".json"):
             choose("model", self.model, dict.fromkeys(model_names()))
-        choose("body", self.body, dict.fromkeys(BODIES))
         if not policies.is_own(self.policy):
             choose("policy", self.policy, dict.fromkeys(policy_names()))
         choose("program", self.program, dict.fromkeys(program_names()))
-        finite_float("gamma0", self.gamma0, minimum=0.0)
-        finite_float("delta_gamma", self.delta_gamma, minimum=0.0)
-        finite_float("seed", self.seed, minimum=0.0)
-        if self.margin is not None:
-            finite_float("margin", self.margin, minimum=0.0)
 
 
 def model_names() -> list[str]:

@@ -26,10 +26,8 @@ from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_lab.reproduction import FIGURES
 
-Figure = Callable[[Runs, Path, bool], dict[str, Any]]
-"""Draws a figure and returns its claims."""
-RESUMED = "the same command resumes this run"
-"""Printed after Ctrl-C."""
+Figure = Callable[[Runs, Path, bool], dict[str, Any]]  # draws a figure and returns its claims
+RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Figure 5: tracking against safety over the weights, in simulation."""
 
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,21 +11,18 @@ from hcbf_gym import scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.a1_plant import FASTEST
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import RenderingError
 from hcbf_gym.evaluation.jobs import Runs, in_order
-from hcbf_gym.evaluation.rollouts import Case, Job
+from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.scenarios import Scenario
 from hcbf_lab.reproduction import plots
-from hcbf_lab.reproduction.film import film
-from hcbf_lab.reproduction.trajectories import of_episodes, side_by_side
+from hcbf_lab.reproduction.film import draw_frames
 from hcbf_lab.tuning import WINDOW, Normal, Problem, Samples, Trajectories, TuningStudy, simulate
+from hcbf_lab.tuning.cost import relaxation
 from hcbf_lab.tuning.cost_map import inside
 
 SCENE = "paper-simulation"
-R_WEIGHT = 0.05
-"""γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less."""
-DELTA_GAMMA = 1.3
-"""The fixed Δγ of panels (b) and (c), which the paper does not state."""
+R_WEIGHT = 0.05  # γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less
+DELTA_GAMMA = 1.3  # the fixed Δγ of panels (b) and (c), which the paper does not state
 GAMMAS = (1.0, 2.0, 3.0, 4.0, 5.0)
 TOO_LARGE = (20.0, 2.5)
 A1_V_MAX = FASTEST
@@ -66,7 +62,7 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
     """Draw the A1's panels, and its paths beside those of the reduced-order model."""
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
-    a1 = of_episodes(in_order(runs.over(Job.run, jobs, "fig 5, A1")))
+    a1 = _of_episodes(in_order(runs.over(Job.run, jobs, "fig 5, A1")))
     samples = None if quick else _a1_samples(runs)
     plots.fig5_panels(a1, GAMMAS, None, samples).savefig(folder / "fig5-a1.png")
     plots.fig5e_paths(SCENE, rom, a1, GAMMAS).savefig(folder / "fig5e-paths.png")
@@ -75,14 +71,8 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
         "a1": _summary(a1),
         "a1_map": None if samples is None else _map_summary(samples),
     }
-    times = (2.0, 5.0, 8.0, 12.0)
-    try:
-        shots = runs.over(partial(film, times=times), [jobs[0], jobs[3]], "fig 5e, pictures")
-        films = in_order(shots)
-    except RenderingError as error:
-        return result | {"frames": str(error)}
-    plots.frames(("R", "H"), films, times).savefig(folder / "fig5e-frames.png")
-    return result | {"frames": "fig5e-frames.png"}
+    shots = [jobs[0], jobs[3]], (2.0, 5.0, 8.0, 12.0)
+    return result | {"frames": draw_frames(runs, *shots, folder / "fig5e-frames.png")}
 
 
 def _settings() -> list[tuple[str, float, float]]:
@@ -122,7 +112,7 @@ def _rom() -> Trajectories:
     relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]])
     weights = np.array([(gamma0, delta_gamma) for _, gamma0, delta_gamma in settings[1:]])
     hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T)
-    return side_by_side(relaxed, hierarchical)
+    return _side_by_side(relaxed, hierarchical)
 
 
 def _distance_with_equal_weights() -> list[float]:
@@ -144,6 +134,31 @@ def _a1_samples(runs: Runs) -> Samples:
     costs = np.array([problem.cost_of(episode) for episode in episodes])
     gamma0, delta_gamma = np.array(pairs).T
     return Samples(gamma0, delta_gamma, costs)
+
+
+def _side_by_side(*parts: Trajectories) -> Trajectories:
+    """Put batches of one scene side by side, each as long as the others."""
+    joined = {
+        name: np.concatenate(
+            [getattr(part, name) for part in parts], axis=0 if name in ("min_h", "fell") else 1
+        )
+        for name in Trajectories._fields[1:]
+    }
+    return Trajectories(parts[0].time, **joined)
+
+
+def _of_episodes(episodes: list[Episode]) -> Trajectories:
+    """Put episodes side by side, up to the end of the shortest."""
+    steps = min(len(episode.time) for episode in episodes)
+    return _side_by_side(*(
+        Trajectories(
+            episode.time[:steps], episode.position[:steps, None], episode.h[:steps, None],
+            episode.min_h.min(axis=0)[None], episode.tracking_error[:steps, None],
+            relaxation(episode.delta, episode.priority)[: steps - 1, None],
+            np.array([episode.fell]),
+        )
+        for episode in episodes
+    ))  # fmt: skip
 
 
 def _summary(run: Trajectories) -> list[dict[str, Any]]:

@@ -1,7 +1,6 @@
 """Figures 6 and 7: the experiment with boxes, on the A1 in full physics."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +8,10 @@ import numpy as np
 
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import RenderingError
 from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_lab.reproduction import plots
-from hcbf_lab.reproduction.film import film
+from hcbf_lab.reproduction.film import draw_frames
 
 SCENE, STRAIGHT = "paper-experiment", "paper-experiment-straight"
 R_WEIGHTS = ("r-cbf-qp", 0.05, 0.0)
@@ -38,13 +36,7 @@ _H3, _H4, _BOX = 2, 3, 0
 def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 6, check its claims, and count contacts over disturbed episodes.
 
-    Args:
-        runs: how episodes run.
-        folder: where the pictures go.
-        quick: four seeds instead of twenty.
-
-    Returns:
-        ``claims`` {text: bool} and the figures they rest on, in JSON types.
+    Returns ``claims`` {text: bool} and the figures they rest on, in JSON types.
     """
     jobs = _jobs()
     ran = in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
@@ -67,14 +59,8 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         "episodes": {name: _summary(episode) for name, episode in episodes.items()},
         "seeds": _over_seeds(runs, range(4 if quick else SEEDS)),
     }
-    times = (4.0, 6.0, 8.0, 16.0)
-    try:
-        shots = runs.over(partial(film, times=times), [jobs["R"], jobs["H"]], "fig 6, pictures")
-        films = in_order(shots)
-    except RenderingError as error:
-        return result | {"frames": str(error)}
-    plots.frames(("R", "H"), films, times).savefig(folder / "fig6-frames.png")
-    return result | {"frames": "fig6-frames.png"}
+    shots = [jobs["R"], jobs["H"]], (4.0, 6.0, 8.0, 16.0)
+    return result | {"frames": draw_frames(runs, *shots, folder / "fig6-frames.png")}
 
 
 def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:

@@ -1,7 +1,9 @@
-"""Pictures of an episode."""
+"""Pictures of episodes of R and H."""
 
 import itertools
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,21 @@ from numpy.typing import NDArray
 from hcbf_gym import policies
 from hcbf_gym.drawing.palette import PROGRAM_COLORS
 from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import RenderingError
 from hcbf_gym.evaluation.episode import in_double, samples
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Job
+from hcbf_lab.reproduction import plots
+
+
+def draw_frames(runs: Runs, jobs: Sequence[Job], times: Sequence[float], file: Path) -> str:
+    """Draw pictures of R's and H's episodes at times [s]; return the file's name, or the error."""
+    try:
+        films = in_order(runs.over(partial(film, times=times), jobs, f"{file.stem}, pictures"))
+    except RenderingError as error:
+        return str(error)
+    plots.frames(("R", "H"), films, times).savefig(file)
+    return file.name
 
 
 def film(job: Job, times: Sequence[float]) -> NDArray[np.uint8]:

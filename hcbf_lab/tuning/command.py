@@ -24,8 +24,7 @@ from hcbf_gym.evaluation.workers import Backend
 from hcbf_lab.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_lab.tuning.cost_map import inside, plot_cost_map, plot_samplers
 
-RESUMED = "the same command resumes this run"
-"""Printed after Ctrl-C."""
+RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from hcbf_gym.evaluation.rollouts import Case, Episode
 from hcbf_lab.tuning.cost import Cost, relaxation
 from hcbf_lab.tuning.simulate import check_weights, simulate
 
-_CHUNK = 500
-"""Trajectories held in memory at a time."""
+_CHUNK = 500  # trajectories held in memory at a time
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,7 @@ SAMPLERS: dict[str, Callable[[int], BaseSampler] | None] = {
 }
 """The paper's sampling, whose samples nothing decides but their numbers, and Optuna's own."""
 
-GENERATION, DRAWS = 10, 250
-"""Samples of one generation of Optuna's samplers, and of the paper's."""
+GENERATION, DRAWS = 10, 250  # samples of one generation of Optuna's samplers, and of the paper's
 _SETTINGS = "settings"
 _WEIGHTS: dict[str, BaseDistribution] = {
     name: FloatDistribution(0.0, upper) for name, upper in WINDOW.items()

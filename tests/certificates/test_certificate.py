@@ -28,6 +28,7 @@ from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Uncertai
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_lab.certification.mixture import SCENES
 from hcbf_robots import VelocityFilter
+from tests.certificates.plants import Mass
 
 pytestmark = pytest.mark.usefixtures("released")
 MARGINS = Uncertainty(distance=0.03, speed=0.2)
@@ -155,8 +156,8 @@ def test_no_edit_of_any_field_passes_without_the_hash():
     ("where", "value", "message"),
     [
         (("strata", 0, "entered"), 0, "one of them where its least h is below 0"),
-        (("strata", 0, "episodes"), "25", "expected a count"),
-        (("blocks", 0, 0), "1", "expected a count"),
+        (("strata", 0, "episodes"), "25", "expected a whole number >= 0"),
+        (("blocks", 0, 0), "1", "expected a whole number >= 0"),
         (("version",), "0.2", "expected one such as '0.2.0'"),
         (("version",), None, "expected one such as '0.2.0'"),
         (("commit",), "47fb8b", "expected '' or 7 to 40 hexadecimal digits"),
@@ -229,17 +230,6 @@ def test_a_certificate_of_another_plant_warns_and_covers_nothing():
     assert env.plant.uncertainty == Uncertainty()
 
 
-class Mass(gym.Env):
-    """A point mass of somebody else's."""
-
-    action_space = gym.spaces.Box(-1.0, 1.0, (2,), dtype=np.float64)
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        return np.zeros(4), {}
-
-
 def mass(limit=3.0):
     return Plant(
         models.DoubleIntegrator(),
@@ -294,7 +284,7 @@ def test_a_plant_of_ones_own_is_identified_by_its_models_numbers_and_its_action_
     assert "braking 2.0" in differs(one, replace(exact, braking=2.0), env)[0]
     drives = replace(exact, axle=Axle(0.2, 1.0, 1.0, 2.0), period=0.05)
     assert any("axle" in phrase for phrase in differs(one, drives, env))
-    env.action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
+    env.action_space = gym.spaces.Box(-2.0, 2.0, (2,), dtype=np.float64)
     assert "action space" in differs(one, exact, env)[0]
 
 

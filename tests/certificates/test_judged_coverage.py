@@ -15,13 +15,13 @@ from hcbf_gym.certificates.judge import words
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.certificates.plants import Mass
 
 KINDS = ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"})
 SHIPPED = certificates.shipped()
 FILTER = "filter of a plant that is not its model"
 NAMES = {"unit", "words", "kind"}
-DERIVED = {"position", "friction_derived"}
-"""What the mixture's own certificate drives."""
+DERIVED = {"position", "friction_derived"}  # what the mixture's own certificate drives
 
 
 def kind(expected):
@@ -136,20 +136,6 @@ def test_one_argument_alone_may_be_left_for_its_wider_range():
             assert judge(both, ranges, alone).covered == Coverage.OUTSIDE
             for value in beside(expected, nominal, rng):
                 assert judge(nominal | {argument: value}, ranges, alone).reasons
-
-
-class Mass(gym.Env):
-    """A point mass of somebody else's."""
-
-    action_space = gym.spaces.Box(-3.0, 3.0, (2,), dtype=np.float64)
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        return np.zeros(4), {}
-
-    def step(self, action):
-        return np.zeros(4), 0.0, False, False, {}
 
 
 def mass(covered):

@@ -111,7 +111,7 @@ def test_the_command_prints_where_the_page_is_when_its_usual_port_is_taken(
     monkeypatch.setattr(command, "FIRST_PORT", taken)
     monkeypatch.setattr("hcbf_lab.play.page.FIRST_PORT", taken)
     monkeypatch.setattr(Page, "run", lambda *_: None)
-    command.main(command.Args(model="reduced", scenario="paper-simulation"))
+    command.main(command.Args(settings=Settings(model="reduced"), scenario="paper-simulation"))
     printed = capsys.readouterr().out
     assert f"Port {taken} is taken." in printed
     assert f"http://127.0.0.1:{taken}/" not in printed

@@ -89,83 +89,55 @@ def test_it_makes_no_difference_how_commands_lie_between_measurements(off, tmp_p
     assert found[1] == pytest.approx(found[0], abs=0.006)
 
 
-def bend(change):
-    rows = table()
-    change(rows)
-    return rows
+DEGREES = 180.0 / math.pi
+COMMANDS, POSE, YAW, VX, W = slice(1, 4), slice(4, 7), 6, 7, 9
 
 
-def _degrees(rows):
-    rows[:, 9] *= 180.0 / math.pi
+def world(rows):
+    """Turn the twist into the frame of the world."""
+    cos, sin = np.cos(rows[:, YAW]), np.sin(rows[:, YAW])
+    rows[:, 8], rows[:, VX] = sin * rows[:, VX], cos * rows[:, VX]
 
 
-def _yaw_in_degrees(rows):
-    rows[:, 6] *= 180.0 / math.pi
+def put(where, value):
+    return lambda rows: rows.__setitem__(where, value(rows[where]) if callable(value) else value)
 
 
-def _without_pose(rows):
-    rows[:, 4:7] = np.nan
-    _degrees(rows)
-
-
-def _world_frame(rows):
-    cos, sin = np.cos(rows[:, 6]), np.sin(rows[:, 6])
-    rows[:, 8], rows[:, 7] = sin * rows[:, 7], cos * rows[:, 7]
-
-
-def _half_speed(rows):
-    rows[:, 7] *= 0.5
-
-
-def _two_clocks(rows):
-    rows[:, 1:4] = np.roll(rows[:, 1:4], 15, axis=0)  # commanded .6 s after it was done
-
-
-def _backwards(rows):
-    rows[100, 0] = rows[90, 0]
-
-
-def _straight(rows):
-    rows[:, 3] = rows[:, 9] = 0.0
-
-
-def _steady(rows):
-    rows[:, 3] = 0.5
-
-
-def _short(rows):
-    rows[:, 0] *= 0.3
-
-
-def _infinite(rows):
-    rows[5, 7] = np.inf
-
-
-def _gap(rows):
-    rows[300:, 0] += 5.0
+def all_of(column, factor):
+    return put(np.s_[:, column], lambda entries: factor * entries)
 
 
 MALFORMED = {
-    "degrees": (_degrees, "disagree: w .* degrees"),
-    "yaw in degrees": (_yaw_in_degrees, "disagree: "),
-    "degrees, no pose": (_without_pose, "w: the robot turns .* degrees"),
-    "twist in the world": (_world_frame, "disagree: v[xy]"),
-    "half the speed": (_half_speed, "disagree: vx"),
-    "two clocks": (_two_clocks, "before it is commanded to"),
-    "time backwards": (_backwards, "line 102: got the time"),
-    "never turns": (_straight, "cmd_w: got at most 0.*drive for 40 s"),
-    "hardly turns": (_steady, "cmd_w: got a command that hardly changes.*drive for 40 s"),
-    "short": (_short, "expected at least 20 s.*drive for 40 s"),
-    "infinite": (_infinite, "line 7: got 'inf'"),
-    "a gap": (_gap, "without a measurement"),
-}
+    "degrees": ([all_of(W, DEGREES)], "disagree: w .* degrees"),
+    "yaw in degrees": ([all_of(YAW, DEGREES)], "disagree: "),
+    "degrees, no pose": (
+        [all_of(POSE, np.nan), all_of(W, DEGREES)], "w: the robot turns .* degrees",
+    ),
+    "twist in the world": ([world], "disagree: v[xy]"),
+    "half the speed": ([all_of(VX, 0.5)], "disagree: vx"),
+    "commands .6 s late": (
+        [put(np.s_[:, COMMANDS], lambda given: np.roll(given, 15, axis=0))],
+        "before it is commanded to",
+    ),
+    "time backwards": ([put((100, 0), 90 * 0.04)], "line 102: got the time"),
+    "never turns": ([all_of(3, 0.0), all_of(W, 0.0)], "cmd_w: got at most 0.*drive for 40 s"),
+    "hardly turns": (
+        [put(np.s_[:, 3], 0.5)], "cmd_w: got a command that hardly changes.*drive for 40 s",
+    ),
+    "short": ([all_of(0, 0.3)], "expected at least 20 s.*drive for 40 s"),
+    "infinite": ([put((5, VX), np.inf)], "line 7: got 'inf'"),
+    "a gap": ([put(np.s_[300:, 0], lambda time: time + 5.0)], "without a measurement"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", MALFORMED)
 def test_a_malformed_log_is_refused_in_words(name, tmp_path):
-    change, message = MALFORMED[name]
-    rows = [[None if np.isnan(one) else one for one in row] for row in bend(change)]
-    file = write(tmp_path / "drive.csv", rows, differential=True)
+    changes, message = MALFORMED[name]
+    rows = table()
+    for change in changes:
+        change(rows)
+    lines = [[None if np.isnan(one) else one for one in row] for row in rows]
+    file = write(tmp_path / "drive.csv", lines, differential=True)
     with pytest.raises(InvalidInputError, match=message):
         identify_log(file, look_ahead=0.2)
 
