@@ -18,12 +18,7 @@ PICTURES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Take figures or draw pictures; an error of the package ends it in one line.
-
-    Args:
-        arguments: those of the figures, or a name of `PICTURES` and its own; None for those of the
-            process.
-    """
+    """Take figures or draw pictures; an error of the package ends it in one line."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = arguments.pop(0) if arguments and arguments[0] in PICTURES else ""
     module = PICTURES.get(name, "benchmarks.command")

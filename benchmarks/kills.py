@@ -77,15 +77,7 @@ def count(folder: Path, episodes: int, backend: Backend) -> None:
 def broken(
     folder: Path, episodes: int, backend: Backend, kills: int, rng: random.Random
 ) -> dict[str, Any]:
-    """Run the count while it is killed; return how often whom, and what ran again.
-
-    Args:
-        folder: of the run.
-        episodes: to count.
-        backend: who runs them; on Ray, one of two nodes is killed half way.
-        kills: how often.
-        rng: decides when, and whom.
-    """
+    """Run the count while it is killed; return how often whom, and what ran again."""
     folder.mkdir()
     killed = {"workers": 0, "commands": 0, "nodes": 0}
     os.environ[MARK] = folder.name

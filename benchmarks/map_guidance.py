@@ -72,12 +72,7 @@ def regions_of(floor: RankedMap) -> tuple[MappedRegion, ...]:
 
 
 class Places:
-    """Where a body can be on a map, all joined by ways in the open.
-
-    Args:
-        floor: the map.
-        room: what the places keep from every region [m].
-    """
+    """Where a body can be on a map, all joined by ways in the open."""
 
     def __init__(self, floor: RankedMap, room: float):
         self.base = MapGround(regions_of(floor), room, 0)
@@ -92,23 +87,14 @@ class Places:
 
 
 class Walked(NamedTuple):
-    """What became of one way.
+    """What became of one way."""
 
-    Attributes:
-        arrived: whether the goal was reached.
-        seconds: how long it took.
-        stood: the longest time of standing [s].
-        entered: whether a strict cell was entered.
-        out: seconds until the zones were left; 0 where it began outside.
-        way_out: length of the field's way out of them [m].
-    """
-
-    arrived: bool
-    seconds: float
-    stood: float
-    entered: bool
-    out: float = 0.0
-    way_out: float = 0.0
+    arrived: bool  # whether the goal was reached
+    seconds: float  # how long it took
+    stood: float  # the longest time of standing [s]
+    entered: bool  # whether a strict cell was entered
+    out: float = 0.0  # seconds until the zones were left; 0 where it began outside
+    way_out: float = 0.0  # length of the field's way out of them [m]
 
 
 def walk(
@@ -119,16 +105,7 @@ def walk(
     guidance: Any = "geodesic",
     until_out: bool = False,
 ) -> Walked:
-    """Let PD walk a way under the filter with guidance.
-
-    Args:
-        floor: the map.
-        model: a name of `MODELS`.
-        start: [m].
-        goal: [m].
-        guidance: as the filter takes it.
-        until_out: whether the way ends where it has left the zones.
-    """
+    """Let PD walk a way under the filter with guidance."""
     scene = Scenario(
         "map", (), PointReference(goal), start=start, task="reach", v_max=V_MAX, map=floor
     )

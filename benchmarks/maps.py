@@ -58,21 +58,13 @@ BEAMS, RANGE, LATENCY, LOST = 360, 6.0, 0.1, 0.1
 
 
 class Hostile(NamedTuple):
-    """What one hostile episode showed.
+    """What one hostile episode showed."""
 
-    Attributes:
-        least: distance of the robot's point from the exact squares [m], less its body.
-        fastest: the most by which the limit of a zone was passed [m/s].
-        crossed: how often a keepout of a lower rank was entered.
-        unpaid: how often of these no report had said that it pays.
-        status: (7,) steps with each status.
-    """
-
-    least: float
-    fastest: float
-    crossed: int
-    unpaid: int
-    status: Integers
+    least: float  # distance of the robot's point from the exact squares [m], less its body
+    fastest: float  # the most by which the limit of a zone was passed [m/s]
+    crossed: int  # how often a keepout of a lower rank was entered
+    unpaid: int  # how often of these no report had said that it pays
+    status: Integers  # (7,) steps with each status
 
 
 def strict_cells(floor: RankedMap) -> Mask:
@@ -134,13 +126,7 @@ def exact(count: int) -> Table:
 
 
 def attack(floor: RankedMap, number: int, body: float) -> Hostile:
-    """Run a hostile episode on the reduced-order model, judged by the exact squares.
-
-    Args:
-        floor: the map.
-        number: of the episode; attacks take turns.
-        body: radius of the robot [m].
-    """
+    """Run a hostile episode on the reduced-order model, judged by the exact squares."""
     rng = np.random.default_rng(FIRST_SEED + number)
     name = tuple(attacks.ATTACKS)[number % len(attacks.ATTACKS)]
     start = start_on(floor, body + 0.05, rng)
@@ -278,12 +264,7 @@ def walkers(count: int) -> Table:
 
 
 class Sensor:
-    """A range sensor on a robot, late by `LATENCY`, of which a share of scans is lost.
-
-    Args:
-        boxes: what it sees: (k, 3) centre and radius of discs [m].
-        rng: decides which scans are lost.
-    """
+    """A range sensor on a robot, late by `LATENCY`, of which a share of scans is lost."""
 
     def __init__(self, boxes: Array, rng: np.random.Generator):
         self._boxes, self._rng = boxes, rng
@@ -314,20 +295,14 @@ class Sensor:
 
 
 def seen_only(robot: str, number: int) -> float:
-    """Attack a walker among discs that are in no map; return its least distance from them [m].
-
-    Args:
-        robot: a name of `WALKERS`.
-        number: of the episode.
-    """
+    """Attack a walker among discs that are in no map; return its least distance from them [m]."""
     env_id, options, clear, v_max = WALKERS[robot]
     rng = np.random.default_rng(FIRST_SEED + number)
     discs = np.column_stack([rng.uniform(-3.0, 3.0, (8, 2)), rng.uniform(0.15, 0.5, 8)])
     gap = np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2]
     discs = discs[gap > clear + 0.2]
     floor = RankedMap(
-        Grid(0.1, (-8.0, -8.0, 0.0), (160, 160)),
-        (MapClass("walls", 1, "keepout", _frame(160)),),
+        Grid(0.1, (-8.0, -8.0, 0.0), (160, 160)), (MapClass("walls", 1, "keepout", _frame(160)),)
     )
     wanted = tuple(attacks.ATTACKS)[number % len(attacks.ATTACKS)]
     with warnings.catch_warnings():

@@ -33,27 +33,15 @@ Planner = Callable[[Array], Array]
 
 
 class Body(NamedTuple):
-    """A robot that follows commands by a lag of first order, on a floor without friction.
+    """A robot that follows commands by a lag of first order, on a floor without friction."""
 
-    Attributes:
-        robot: what the filter knows of it.
-        lag: τ [s].
-        delay: δ [s].
-    """
-
-    robot: Robot
-    lag: float
-    delay: float = 0.0
+    robot: Robot  # what the filter knows of it
+    lag: float  # τ [s]
+    delay: float = 0.0  # δ [s]
 
 
 class Moving:
-    """A simulated robot: one of `Body`, or a walker in MuJoCo.
-
-    Attributes:
-        pose: (3,) x, y and θ of its centre or axle [m, rad].
-        twist: (3,) in its own axes [m/s, rad/s].
-        fallen: whether it has fallen.
-    """
+    """A simulated robot: one of `Body`, or a walker in MuJoCo."""
 
     def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
         self._runner = Runner(body, seed) if isinstance(body, Walker) else None
@@ -97,48 +85,29 @@ class Moving:
 
 
 class Link(NamedTuple):
-    """What lies between a robot's odometry and the filter.
+    """What lies between a robot's odometry and the filter."""
 
-    Attributes:
-        rate: of odometry [Hz].
-        late: how old it is when it comes [s].
-        jitter: share by which that varies.
-        lost: share that never comes.
-        burst: how many are lost together.
-    """
-
-    rate: float = 50.0
-    late: float = 0.0
-    jitter: float = 0.0
-    lost: float = 0.0
-    burst: int = 1
+    rate: float = 50.0  # of odometry [Hz]
+    late: float = 0.0  # how old it is when it comes [s]
+    jitter: float = 0.0  # share by which that varies
+    lost: float = 0.0  # share that never comes
+    burst: int = 1  # how many are lost together
 
 
 PERFECT = Link()
 
 
 class Driven(NamedTuple):
-    """What a loop showed.
+    """What a loop showed."""
 
-    Attributes:
-        path: (k, 3) poses at every control step.
-        least: the least distance of the robot's circle from a strict region [m].
-        statuses: (6,) how often each was said.
-        alarms: reasons from the first alarm on.
-        alarmed: when the first was raised [s]; infinite for never.
-        longest: 99th percentile of a step [s].
-        fell: whether the robot fell, where the loop ends.
-        told: (k, n) commands.
-    """
-
-    path: Array
-    least: float
-    statuses: Array
-    alarms: set[int]
-    alarmed: float
-    longest: float
-    fell: bool
-    told: Array
+    path: Array  # (k, 3) poses at every control step
+    least: float  # the least distance of the robot's circle from a strict region [m]
+    statuses: Array  # (6,) how often each was said
+    alarms: set[int]  # reasons from the first alarm on
+    alarmed: float  # when the first was raised [s]; infinite for never
+    longest: float  # 99th percentile of a step [s]
+    fell: bool  # whether the robot fell, where the loop ends
+    told: Array  # (k, n) commands
 
     @property
     def length(self) -> float:
@@ -163,22 +132,7 @@ def loop(
     ),
     period: float = PERIOD,
 ) -> Driven:
-    """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes.
-
-    Args:
-        door: the filter.
-        robot: the robot.
-        planner: what it shall do.
-        reach: radius of the circle that must stay outside [m].
-        seconds: how long at most.
-        link: of the odometry.
-        seed: of what is lost and late.
-        until: pose → whether it has arrived.
-        walls: what is there; None for what the filter knows.
-        sees: called in every control step, with the time [s], before what the filter is asked.
-        senses: the time [s] and the robot → pose and twist of its odometry.
-        period: of the commands [s].
-    """
+    """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes."""
     rng = np.random.default_rng(seed)
     regions = BarrierSet([door.barriers if walls is None else walls])
     strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
@@ -255,11 +209,7 @@ def gap(width: float, offset: float = 0.0) -> list[Barrier]:
 
 
 def hostile(
-    barriers: Sequence[Barrier],
-    command: Command,
-    rng: np.random.Generator,
-    *,
-    wanders: bool = True,
+    barriers: Sequence[Barrier], command: Command, rng: np.random.Generator, *, wanders: bool = True
 ) -> Planner:
     """Return a planner that drives at the nearest region, wanders, backs off and spins in turn.
 

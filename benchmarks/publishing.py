@@ -40,16 +40,7 @@ _CERTIFIED = re.compile(
 
 
 def publish(root: Path, name: str, figures: dict[str, Any]) -> None:
-    """Write a suite's figures to ``docs/results/`` of a checkout.
-
-    Args:
-        root: the checkout.
-        name: of the suite.
-        figures: what its full run returned.
-
-    Raises:
-        InvalidInputError: if `root` is no checkout of this project.
-    """
+    """Write a suite's figures to ``docs/results/`` of a checkout."""
     check_root(root)
     changed = _git(root, "status", "--porcelain", "--", "hcbf_gym", "benchmarks")
     record = {
@@ -66,11 +57,7 @@ def publish(root: Path, name: str, figures: dict[str, Any]) -> None:
 
 
 def check_root(root: Path) -> None:
-    """Refuse a folder that is no checkout of this project.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Refuse a folder that is no checkout of this project."""
     if not (root / "docs" / "results").is_dir() or not (root / "hcbf_gym").is_dir():
         raise InvalidInputError(
             f"publish: got the folder {root.resolve()}, expected a checkout of hcbf-gym"
@@ -78,26 +65,14 @@ def check_root(root: Path) -> None:
 
 
 def check_results(root: Path, but: Collection[str]) -> None:
-    """Refuse a checkout whose pages could not be filled after a run.
-
-    Args:
-        root: the checkout.
-        but: names of the suites whose figures are about to be taken again.
-
-    Raises:
-        InvalidInputError: if a JSON lacks what its suite's tables show.
-    """
+    """Refuse a checkout whose pages could not be filled after a run."""
     for path in sorted((root / "docs" / "results").glob("*.json")):
         if path.stem in SUITES and path.stem not in but:
             _published(root, path.stem)
 
 
 def fill(root: Path) -> list[Path]:
-    """Fill every table of README and docs from its JSON; return the pages that changed.
-
-    Raises:
-        InvalidInputError: if a page names figures or a table that do not exist; no page is changed.
-    """
+    """Fill every table of README and docs from its JSON; return the pages that changed."""
     changed = dict(differing(root))
     for page, text in changed.items():
         write_text(page, text)
@@ -105,11 +80,7 @@ def fill(root: Path) -> list[Path]:
 
 
 def differing(root: Path) -> Iterator[tuple[Path, str]]:
-    """Yield every page whose tables are not those of the JSONs, with the text it should have.
-
-    Raises:
-        InvalidInputError: if a page names figures or a table that do not exist.
-    """
+    """Yield every page whose tables are not those of the JSONs, with the text it should have."""
     check_root(root)
     shown = {}
 

@@ -54,27 +54,17 @@ ROWS = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """One episode.
+    """One episode."""
 
-    Attributes:
-        woke_in: the priority of the region that the robot starts in.
-        depth: of each priority, the deepest entry [m]; 0 if it was never entered.
-        seconds: of each priority, the time spent inside [s].
-        clearance: the least distance kept from the strict regions and walls [m], negative inside.
-        excused: of each priority, whether one of its rows could not be met at some time.
-        intervention: root mean square of ‖u − u*‖ [m/s²].
-        deadlock: share of the time that the robot stood though u* asked it to move.
-        reached: whether the robot ended within 0.25 m of the goal.
-    """
-
-    woke_in: int
-    depth: list[float]
-    seconds: list[float]
+    woke_in: int  # the priority of the region that the robot starts in
+    depth: list[float]  # of each priority, the deepest entry [m]; 0 if it was never entered
+    seconds: list[float]  # of each priority, the time spent inside [s]
+    # the least distance kept from the strict regions and walls [m], negative inside
     clearance: float
-    excused: list[bool]
-    intervention: float
-    deadlock: float
-    reached: bool
+    excused: list[bool]  # of each priority, whether one of its rows could not be met at some time
+    intervention: float  # root mean square of ‖u − u*‖ [m/s²]
+    deadlock: float  # share of the time that the robot stood though u* asked it to move
+    reached: bool  # whether the robot ended within 0.25 m of the goal
 
 
 def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
@@ -106,23 +96,14 @@ def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
 
 
 class Scenes(NamedTuple):
-    """Episodes that run together.
+    """Episodes that run together."""
 
-    Attributes:
-        policy: one of `POLICIES`.
-        program: one of `PROGRAMS`.
-        rows: one of `ROWS`.
-        seed: decides scenes and noise; the scenes are the same for every policy and program.
-        start: the first episode's number.
-        episodes: how many.
-    """
-
-    policy: str
-    program: str
-    rows: str
-    seed: int
-    start: int
-    episodes: int
+    policy: str  # one of `POLICIES`
+    program: str  # one of `PROGRAMS`
+    rows: str  # one of `ROWS`
+    seed: int  # decides scenes and noise; the scenes are the same for every policy and program
+    start: int  # the first episode's number
+    episodes: int  # how many
 
 
 def run(chunk: Scenes) -> list[dict[str, Any]]:

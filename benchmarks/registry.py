@@ -22,23 +22,15 @@ BASELINES = ("hcbf_gym/policies/baselines/*",)
 
 
 class Suite(NamedTuple):
-    """One suite.
+    """One suite."""
 
-    Attributes:
-        module: below `benchmarks`.
-        does: one line.
-        minutes: what a full run takes on two cores.
-        also: patterns of files of the checkout that it depends on without importing them.
-        extra: the extra that it needs, if any.
-        needs: the modules of that extra that must be there.
-    """
-
-    module: str
-    does: str
-    minutes: float
+    module: str  # below `benchmarks`
+    does: str  # one line
+    minutes: float  # what a full run takes on two cores
+    # patterns of files of the checkout that it depends on without importing them
     also: tuple[str, ...] = ()
-    extra: str = ""
-    needs: tuple[str, ...] = ()
+    extra: str = ""  # the extra that it needs, if any
+    needs: tuple[str, ...] = ()  # the modules of that extra that must be there
 
     def run(self, quick: bool) -> dict[str, Any]:
         """Return its figures."""
@@ -118,17 +110,9 @@ SUITES = {
         (*ROM, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/robots/carts/*"),
     ),
     "held-rows": Suite(
-        "suites.held_rows",
-        "held rows under friendly and hostile policies, without margin",
-        4,
-        ROM,
+        "suites.held_rows", "held rows under friendly and hostile policies, without margin", 4, ROM
     ),
-    "estimation": Suite(
-        "suites.estimation",
-        "how well the A1 knows where it is",
-        2,
-        A1,
-    ),
+    "estimation": Suite("suites.estimation", "how well the A1 knows where it is", 2, A1),
     "foreign": Suite(
         "suites.foreign",
         "foreign environments and models behind the filter",

@@ -60,12 +60,7 @@ class Compare:
 
 
 class Own(gym.Env):
-    """A plant of any model, which is its model.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-        start: (n,) of the states.
-    """
+    """A plant of any model, which is its model."""
 
     def __init__(self, model: Any, start: Array):
         self.model, self._start = model, start

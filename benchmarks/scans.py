@@ -43,23 +43,15 @@ STEP = 0.5
 
 
 class Case(NamedTuple):
-    """How a room is seen.
+    """How a room is seen."""
 
-    Attributes:
-        beams: all around; 0 where the filter knows the walls, to see what is the robot's own.
-        error: standard deviation of a range [m].
-        dropped: share of beams that see nothing.
-        speed: that the scan reserves for [m/s].
-        rests: whether the robot drives at a wall and stays there.
-        margin: of the scan [m].
-    """
-
+    # all around; 0 where the filter knows the walls, to see what is the robot's own
     beams: int = 360
-    error: float = 0.0
-    dropped: float = 0.0
-    speed: float = 0.0
-    rests: bool = False
-    margin: float = 0.0
+    error: float = 0.0  # standard deviation of a range [m]
+    dropped: float = 0.0  # share of beams that see nothing
+    speed: float = 0.0  # that the scan reserves for [m/s]
+    rests: bool = False  # whether the robot drives at a wall and stays there
+    margin: float = 0.0  # of the scan [m]
 
 
 CASES = {
@@ -77,15 +69,10 @@ CASES = {
 
 
 class Room(NamedTuple):
-    """Walls and boxes.
+    """Walls and boxes."""
 
-    Attributes:
-        walls: as barriers.
-        edges: (k, 2, 2) of them [m].
-    """
-
-    walls: list[Barrier]
-    edges: Array
+    walls: list[Barrier]  # as barriers
+    edges: Array  # (k, 2, 2) of them [m]
 
 
 def room_of(seed: int, boxes: int = 6) -> Room:
@@ -111,14 +98,7 @@ def room_of(seed: int, boxes: int = 6) -> Room:
 
 
 def ranges_of(edges: Array, discs: Array, pose: Array, angles: Array) -> Array:
-    """Return (k,) how far beams go until an edge or a disc [m]; +inf beyond `RANGE`.
-
-    Args:
-        edges: (n, 2, 2) [m].
-        discs: (m, 3) centre and radius [m].
-        pose: (3,) of the sensor.
-        angles: (k,) of the beams in its axes [rad].
-    """
+    """Return (k,) how far beams go until an edge or a disc [m]; +inf beyond `RANGE`."""
     beams = np.column_stack([np.cos(angles + pose[2]), np.sin(angles + pose[2])])
     to, along = edges[:, 0] - pose[:2], edges[:, 1] - edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -136,18 +116,7 @@ def ranges_of(edges: Array, discs: Array, pose: Array, angles: Array) -> Array:
 
 
 class Laser:
-    """A scan at 10 Hz that a filter takes as it comes.
-
-    Args:
-        door: the filter.
-        case: how it sees.
-        edges: of what it sees.
-        known: barriers beside the scan.
-        seed: of what is random.
-
-    Attributes:
-        discs: (m, 3) that it sees besides [m].
-    """
+    """A scan at 10 Hz that a filter takes as it comes."""
 
     def __init__(
         self, door: VelocityFilter, case: Case, edges: Array, known: Sequence[Any], seed: int
@@ -244,18 +213,7 @@ def share(statuses: Array) -> str:
 
 
 class People:
-    """People who walk at where a robot was when they came in, one place after another.
-
-    Args:
-        laser: that sees them.
-        room: with walls alone.
-        walker: the robot.
-        seed: of where they come from.
-
-    Attributes:
-        contacts: of each: the robot's own speed towards the person [m/s], and whether a way away
-            from it was free.
-    """
+    """People who walk at where a robot was when they came in, one place after another."""
 
     def __init__(self, laser: Laser, room: Room, walker: Walker, seed: int):
         self._laser, self._walker = laser, walker

@@ -30,25 +30,15 @@ ANNOUNCED = FilterStatus.VIOLATED
 
 
 class Case(NamedTuple):
-    """A plant and a family of scenes.
+    """A plant and a family of scenes."""
 
-    Attributes:
-        env: the environment's id.
-        options: of the environment.
-        scenario: a family of random scenes.
-    """
-
-    env: str
-    options: dict[str, Any]
-    scenario: str
+    env: str  # the environment's id
+    options: dict[str, Any]  # of the environment
+    scenario: str  # a family of random scenes
 
 
 def cases(contracts: Path) -> dict[str, Case]:
-    """Return the plants by name.
-
-    Args:
-        contracts: the folder of learned walkers' contracts.
-    """
+    """Return the plants by name."""
     walker, a1 = "HCBF-WalkerRegions-v0", "HCBF-A1Regions-v0"
     go1, humanoid = str(contracts / "go1.json"), str(contracts / "berkeley_humanoid.json")
     return {
@@ -69,41 +59,24 @@ def cases(contracts: Path) -> dict[str, Case]:
 
 @dataclass(frozen=True)
 class Episode:
-    """One episode.
+    """One episode."""
 
-    Args:
-        plant: name of a case.
-        policy: an attack's or a policy's name.
-        seed: of environment and attack.
-        contracts: the folder of learned walkers' contracts.
-    """
-
-    plant: str
-    policy: str
-    seed: int
-    contracts: str
+    plant: str  # name of a case
+    policy: str  # an attack's or a policy's name
+    seed: int  # of environment and attack
+    contracts: str  # the folder of learned walkers' contracts
 
 
 class Count(NamedTuple):
-    """What one episode showed.
+    """What one episode showed."""
 
-    Attributes:
-        statuses: steps by `FilterStatus`.
-        calm: steps by status up to the first entry.
-        entered: whether rank 1 was entered.
-        announced: whether a status said so at or before it.
-        fell: whether the robot fell.
-        reached: whether it reached its goal.
-        unproved: steps that were not proved, without an alarm of a status.
-    """
-
-    statuses: list[int]
-    calm: list[int]
-    entered: bool
-    announced: bool
-    fell: bool
-    reached: bool
-    unproved: int
+    statuses: list[int]  # steps by `FilterStatus`
+    calm: list[int]  # steps by status up to the first entry
+    entered: bool  # whether rank 1 was entered
+    announced: bool  # whether a status said so at or before it
+    fell: bool  # whether the robot fell
+    reached: bool  # whether it reached its goal
+    unproved: int  # steps that were not proved, without an alarm of a status
 
 
 def run(episode: Episode) -> Count:

@@ -58,21 +58,7 @@ ERRORS = Errors("uniform", _uniform), Errors("normal", _normal)
 
 
 class World:
-    """N robots, each among m discs, and a tracker of these.
-
-    Args:
-        count: N.
-        discs: m.
-        period: T [s].
-        seed: of all that is random.
-        named: whether the tracker returns lists of objects instead of arrays.
-
-    Attributes:
-        x: (N, 4) states of the robots.
-        place: (N, m, 2) true centres [m].
-        velocity: (N, m, 2) their velocities [m/s].
-        radius: (N, m) [m].
-    """
+    """N robots, each among m discs, and a tracker of these."""
 
     def __init__(self, count: int, discs: int, period: float, seed: int, named: bool = False):
         self.rng, self.period, self.named = np.random.default_rng(seed), period, named
@@ -122,23 +108,14 @@ class World:
 
 @dataclass
 class Entered:
-    """What episodes showed.
+    """What episodes showed."""
 
-    Attributes:
-        episodes: of them.
-        entered: with an entry.
-        calm: of these, under a calm status.
-        unreported: of these, without MOVES before.
-        reported: with MOVES at any step.
-        violated: share of steps with a status above RELAXED.
-    """
-
-    episodes: int = 0
-    entered: int = 0
-    calm: int = 0
-    unreported: int = 0
-    reported: int = 0
-    violated: float = 0.0
+    episodes: int = 0  # of them
+    entered: int = 0  # with an entry
+    calm: int = 0  # of these, under a calm status
+    unreported: int = 0  # of these, without MOVES before
+    reported: int = 0  # with MOVES at any step
+    violated: float = 0.0  # share of steps with a status above RELAXED
 
     def says(self) -> str:
         """Return one line."""
@@ -150,15 +127,7 @@ class Entered:
 
 
 def drive(world: World, errors: Errors, declares: bool, seconds: float, turns: bool) -> Entered:
-    """Drive robots at regions that drive at them.
-
-    Args:
-        world: as it begins.
-        errors: of the positions.
-        declares: whether the tracker returns velocities.
-        seconds: that episodes last.
-        turns: whether regions turn towards the robot at every step.
-    """
+    """Drive robots at regions that drive at them."""
     count, discs = world.radius.shape
     rng = world.rng
     speed = rng.uniform(0.1, 0.8, (count, discs, 1))
@@ -240,13 +209,7 @@ def rest(count: int, period: float, errors: Errors, named: bool, seconds: float,
 
 
 def cost(count: int, how: str, steps: int = 20) -> float:
-    """Return the CPU time of a step with discs that were made anew, their making included [ms].
-
-    Args:
-        count: of moving discs.
-        how: "list", "shapes" or "drag".
-        steps: of which the median counts.
-    """
+    """Return the CPU time of a step with discs that were made anew, their making included [ms]."""
     rng, period = np.random.default_rng(0), 0.02
     place, velocity = rng.uniform(-20.0, 20.0, (count, 2)), rng.uniform(-0.5, 0.5, (count, 2))
     place[np.linalg.norm(place, axis=1) < 3.0] += 5.0

@@ -44,23 +44,14 @@ CAP = SpeedLimit("cap", 1, 1.2)
 
 
 class Case(NamedTuple):
-    """A model with its conditions and what is not known of its state.
+    """A model with its conditions and what is not known of its state."""
 
-    Attributes:
-        model: ẋ = f(x) + g(x)u.
-        limits: (n_u,) the largest inputs.
-        deviations: (n,) of the state.
-        barriers: of rank 1.
-        axle: of a differential drive.
-        declared: what the plant is off its model.
-    """
-
-    model: ReducedOrderModel
-    limits: tuple[float, ...]
-    deviations: tuple[float, ...]
-    barriers: Sequence[Barrier]
-    axle: Axle | None = None
-    declared: Uncertainty = Uncertainty()
+    model: ReducedOrderModel  # ẋ = f(x) + g(x)u
+    limits: tuple[float, ...]  # (n_u,) the largest inputs
+    deviations: tuple[float, ...]  # (n,) of the state
+    barriers: Sequence[Barrier]  # of rank 1
+    axle: Axle | None = None  # of a differential drive
+    declared: Uncertainty = Uncertainty()  # what the plant is off its model
 
 
 def boat() -> models.ControlAffine:
@@ -111,12 +102,7 @@ def cases() -> dict[str, Case]:
 
 
 class Truth:
-    """N plants as they are.
-
-    Args:
-        case: of them.
-        rng: draws starts.
-    """
+    """N plants as they are."""
 
     def __init__(self, case: Case, rng: np.random.Generator) -> None:
         self.case, self._rng = case, rng
@@ -158,13 +144,7 @@ class Truth:
 
 
 class Errors:
-    """What N estimates are off by: κσ in a direction of the state.
-
-    Args:
-        kind: one of `ERRORS`.
-        size: (n,) κσ of every state.
-        rng: draws directions.
-    """
+    """What N estimates are off by: κσ in a direction of the state."""
 
     def __init__(self, kind: str, size: Array, rng: np.random.Generator) -> None:
         self._kind, self._size, self._rng = kind, size, rng

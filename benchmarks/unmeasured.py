@@ -50,16 +50,7 @@ NOISE = np.array([0.02, 0.02, math.radians(1.0)])
 
 
 class Unmeasured(Moving):
-    """A robot with any τ and δ that the rows assume, noise, and a fault from some time on.
-
-    Args:
-        name: of `FLEET`.
-        fault: of `FAULTS`; None for none.
-        seed: of all that is random.
-
-    Attributes:
-        fast: for how long it has been commanded to be fast with its fault, until the report [s].
-    """
+    """A robot with any τ and δ that the rows assume, noise, and a fault from some time on."""
 
     def __init__(self, name: str, fault: str | None, seed: int):
         self._rng, self._fault = np.random.default_rng([8, seed]), fault

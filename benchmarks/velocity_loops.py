@@ -25,11 +25,7 @@ LOST = 0.1
 
 
 class Cart:
-    """A simulated robot that is told commands at any time and says where it is.
-
-    Args:
-        walker: a contract whose controller reads nothing but the command.
-    """
+    """A simulated robot that is told commands at any time and says where it is."""
 
     def __init__(self, walker: Walker):
         self.walker, self.physics = walker, WalkerPhysics(walker)
@@ -76,27 +72,16 @@ class Cart:
 
 @dataclass(frozen=True)
 class LoopEpisode:
-    """One hostile episode.
+    """One hostile episode."""
 
-    Args:
-        robot: a contract's path or name.
-        attack: a name of `attacks.ATTACKS`; the robot is to go where it pushes, at full speed.
-        scenario: a family of random scenes.
-        seed: of the scene, the attack and the loop.
-        rate: of the messages [Hz].
-        v_max: strict cap on the speed [m/s].
-        seconds: how long.
-        lost: share of the messages that never come.
-    """
-
-    robot: str
-    attack: str
-    scenario: str
-    seed: int
-    rate: float
-    v_max: float
-    seconds: float = 20.0
-    lost: float = LOST
+    robot: str  # a contract's path or name
+    attack: str  # a name of `attacks.ATTACKS`; the robot is to go where it pushes, at full speed
+    scenario: str  # a family of random scenes
+    seed: int  # of the scene, the attack and the loop
+    rate: float  # of the messages [Hz]
+    v_max: float  # strict cap on the speed [m/s]
+    seconds: float = 20.0  # how long
+    lost: float = LOST  # share of the messages that never come
 
     def run(self) -> Outcome:
         """Run it to its end."""

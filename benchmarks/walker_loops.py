@@ -30,12 +30,7 @@ ROUNDS, SECONDS = 40, 1.0
 
 
 def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
-    """Return how robots follow steps, turns and stops.
-
-    Args:
-        contracts: name → a contract's path or name.
-        seconds: of random commands [s].
-    """
+    """Return how robots follow steps, turns and stops."""
     header = (
         "robot", "gains", "time constant [s]", "delay [s]", "residual 95 % [m/s]",
         "residual 99.9 % [m/s]", "overshoot [m/s]", "rise [s]", "stops within [m]",
@@ -63,11 +58,7 @@ def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
 
 
 def speeds(contracts: Mapping[str, str]) -> Table:
-    """Return how many times faster than real time robots run, bare and filtered, on this core.
-
-    Args:
-        contracts: name → a contract's path or name.
-    """
+    """Return how many times faster than real time robots run, bare and filtered, on this core."""
     rows = []
     for name, contract in contracts.items():
         bare, filtered = _Bare(contract), _Filtered(contract)
@@ -81,13 +72,7 @@ def speeds(contracts: Mapping[str, str]) -> Table:
 
 
 def many(contract: str, count: int = 16, seconds: float = 2.0) -> Table:
-    """Return how fast filtered robots run in Gymnasium's vector environments.
-
-    Args:
-        contract: a path or a name.
-        count: of the robots.
-        seconds: of every turn [s].
-    """
+    """Return how fast filtered robots run in Gymnasium's vector environments."""
     make = functools.partial(_make, contract)
     loops: dict[str, gym.vector.VectorEnv] = {
         "one alone": gym.vector.SyncVectorEnv([make]),

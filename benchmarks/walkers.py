@@ -44,21 +44,13 @@ RATES = (20.0, 50.0, 100.0)
 
 @dataclass(frozen=True)
 class Robot:
-    """What is asked of one robot.
+    """What is asked of one robot."""
 
-    Args:
-        contract: a name or a path.
-        hostile: episodes in which it is attacked.
-        arrive: seeds on which each policy shall bring it to the goal.
-        footprint: hostile episodes in which no geom may be inside.
-        steps: control steps that the way may take.
-    """
-
-    contract: str
-    hostile: int
-    arrive: int = 100
-    footprint: int = 100
-    steps: int = 1000
+    contract: str  # a name or a path
+    hostile: int  # episodes in which it is attacked
+    arrive: int = 100  # seeds on which each policy shall bring it to the goal
+    footprint: int = 100  # hostile episodes in which no geom may be inside
+    steps: int = 1000  # control steps that the way may take
 
 
 ROBOTS = {
@@ -170,11 +162,7 @@ HEADER = (
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the tables of every part: cells of text.
-
-    Args:
-        quick: a few episodes on the carts alone.
-    """
+    """Return the tables of every part: cells of text."""
     robots = tuple(NAMES)[:2] if quick else _at_hand()
     tables = [table(part, robots, 2 if quick else None) for part in EPISODES]
     contracts = {robot: ROBOTS[robot].contract for robot in robots}
@@ -202,13 +190,7 @@ def _at_hand() -> tuple[str, ...]:
 
 
 def table(part: str, robots: Sequence[str], episodes: int | None) -> Table:
-    """Run what is missing of a part, and return its table.
-
-    Args:
-        part: a name of `EPISODES`.
-        robots: names of `ROBOTS`.
-        episodes: of each robot (of each policy to arrive); None runs what is asked.
-    """
+    """Run what is missing of a part, and return its table."""
     rows = []
     for robot in robots:
         count = asked(part, robot) if episodes is None else episodes

@@ -33,29 +33,17 @@ CORRECTIONS = 8
 
 
 class Stage(NamedTuple):
-    """One stage; gradients, u*, weights and least slacks are doubles, which are exact.
+    """One stage; gradients, u*, weights and least slacks are doubles, which are exact."""
 
-    Attributes:
-        hard: (K, n) A.
-        bound: (K,) b, rational.
-        low: (n,) below all inputs.
-        u_nominal: (n,) u*.
-        lambda_u: λ.
-        soft: (s, n) a.
-        target: (s,) t, rational.
-        weight: (s,) w > 0.
-        least: (s,) m ≥ 0, or None where rows are two-sided.
-    """
-
-    hard: Array
-    bound: Rationals
-    low: Array
-    u_nominal: Array
-    lambda_u: float
-    soft: Array
-    target: Rationals
-    weight: Array
-    least: Array | None
+    hard: Array  # (K, n) A
+    bound: Rationals  # (K,) b, rational
+    low: Array  # (n,) below all inputs
+    u_nominal: Array  # (n,) u*
+    lambda_u: float  # λ
+    soft: Array  # (s, n) a
+    target: Rationals  # (s,) t, rational
+    weight: Array  # (s,) w > 0
+    least: Array | None  # (s,) m ≥ 0, or None where rows are two-sided
 
 
 def minimiser(stage: Stage) -> Rationals:
@@ -64,13 +52,7 @@ def minimiser(stage: Stage) -> Rationals:
 
 
 def proven(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
-    """Return a minimiser that a guess leads to, None if it leads to none.
-
-    Args:
-        stage: the stage.
-        tight: (K,) which hard rows hold with equality; corrected in place.
-        states: (s,) `FREE`, `PAID` or `KINK` of each soft row; corrected in place.
-    """
+    """Return a minimiser that a guess leads to, None if it leads to none."""
     bound, target = (np.array(numbers, np.float64) for numbers in (stage.bound, stage.target))
     for _ in range(CORRECTIONS):
         u_and_prices = solution(stage, tight, states)
@@ -203,12 +185,7 @@ def solution(stage: Stage, tight: Mask, states: Integers) -> Rationals | None:
 
 
 def correct(
-    stage: Stage,
-    solution: Rationals,
-    bound: Array,
-    target: Array,
-    tight: Mask,
-    states: Integers,
+    stage: Stage, solution: Rationals, bound: Array, target: Array, tight: Mask, states: Integers
 ) -> bool:
     """Correct the guess in place where its solution breaks an inequality; tell whether it did.
 
@@ -270,12 +247,7 @@ def dot(a: Array, u: Rationals) -> Any:
 
 
 def solve(equations: list[Rationals]) -> Rationals | None:
-    """Return the solution of N equations in N unknowns, None where they are dependent.
-
-    Args:
-        equations: N rows of N coefficients and the right-hand side, rational; eliminated in
-            integers (Bareiss), whose divisions leave no remainder.
-    """
+    """Return the solution of N equations in N unknowns, None where they are dependent."""
     table = [_integers(equation) for equation in equations]
     size, divisor = len(table), 1
     for column in range(size):

@@ -37,17 +37,7 @@ def zeros(*shape: int) -> Array:
 
 
 def quadratic_program(hessian: Array, linear: Array, a: Array, b: Array) -> Array:
-    """Return a minimiser x (n,) of ``½ xᵀHx + cᵀx`` over ``A x ≥ b``, ``x ≥ 0``.
-
-    Args:
-        hessian: (n, n) H, positive semidefinite.
-        linear: (n,) c.
-        a: (k, n) A.
-        b: (k,) b.
-
-    Raises:
-        ArithmeticError: if there is none.
-    """
+    """Return a minimiser x (n,) of ``½ xᵀHx + cᵀx`` over ``A x ≥ b``, ``x ≥ 0``."""
     n, k = len(linear), len(b)
     matrix = np.vstack((np.hstack((hessian, -a.T)), np.hstack((a, zeros(k, k)))))
     return complementary(matrix, np.concatenate((linear, -b)))[:n]
@@ -57,9 +47,6 @@ def complementary(matrix: Array, q: Array) -> Array:
     """Return y (n,) with ``w = M y + q``, ``w, y ≥ 0``, ``w·y = 0``, by Lemke's method.
 
     Ties are broken lexicographically, so that no basis comes twice.
-
-    Raises:
-        ArithmeticError: if the pivots end in a ray.
     """
     n = len(q)
     if all(value >= 0 for value in q):

@@ -104,21 +104,13 @@ class Region:
 
 @dataclass(frozen=True)
 class Judge:
-    """One problem, and its solution by each program.
+    """One problem, and its solution by each program."""
 
-    Attributes:
-        region: U.
-        rows: all rows.
-        priority: (m,) from 1.
-        strict: (m,) whether the level of a row is strict under Lex-CBF-QP.
-        lambda_u: λ_u.
-    """
-
-    region: Region
-    rows: Rows
-    priority: np.ndarray
-    strict: np.ndarray
-    lambda_u: float
+    region: Region  # U
+    rows: Rows  # all rows
+    priority: np.ndarray  # (m,) from 1
+    strict: np.ndarray  # (m,) whether the level of a row is strict under Lex-CBF-QP
+    lambda_u: float  # λ_u
 
     @classmethod
     def of(cls, input_set: InputSet, u_nominal: np.ndarray, rows: CbfRows, program: Any) -> "Judge":
@@ -133,11 +125,7 @@ class Judge:
         return cls(region, known, rows.priority, strict, float(program.prices.lambda_u))
 
     def solve(self, name: str) -> Rationals:
-        """Return the input (n,) that the program of that name hands back.
-
-        Raises:
-            UnknownNameError: if its equation does not stand here.
-        """
+        """Return the input (n,) that the program of that name hands back."""
         choose("program", name, dict.fromkeys(JUDGED))
         if name == "cbf-qp":
             return self.region.meet(self.rows).nearest()

@@ -53,11 +53,7 @@ def main(args: Args) -> None:
 
 
 def drive(how: RowSettings) -> tuple[Array, Array]:
-    """Return times (n,) [s] and h (n,) [m] of a drive along a disc under its row.
-
-    Args:
-        how: which row.
-    """
+    """Return times (n,) [s] and h (n,) [m] of a drive along a disc under its row."""
     barriers = BarrierSet([[Disc("disc", 1, center=(0.0, 0.0), radius=RADIUS)]])
     x = np.array([RADIUS + 0.3, 0.0, 0.0, 0.0])
     times, heights = [np.zeros(1)], [np.array([0.3])]
@@ -74,12 +70,7 @@ def drive(how: RowSettings) -> tuple[Array, Array]:
 
 
 def nominal(t: float, x: Array) -> Array:
-    """Return the input (2,) that presses against the disc and slides along it, to and fro.
-
-    Args:
-        t: time [s].
-        x: (4,) state.
-    """
+    """Return the input (2,) that presses against the disc and slides along it, to and fro."""
     outward = x[:2] / np.hypot(*x[:2])
     along = np.array([-outward[1], outward[0]])
     speed = 1.2 * np.sign(np.sin(2.0 * np.pi * t / 0.6))

@@ -125,12 +125,7 @@ def captioned(frame: NDArray[np.uint8], h: NDArray[np.float64], relaxed: bool) -
 
 
 def save(path: Path, pictures: list[Image.Image]) -> None:
-    """Write pictures as a WebP file without end, as good as its size permits.
-
-    Args:
-        path: of the file.
-        pictures: of one size, at least one.
-    """
+    """Write pictures as a WebP file without end, as good as its size permits."""
     pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
     quality = 90
     while True:

@@ -31,23 +31,14 @@ _STRIP = 22  # [pixels] under the picture, for the line of text
 
 
 class Loop(NamedTuple):
-    """One film.
+    """One film."""
 
-    Attributes:
-        scenario: its name.
-        seed: of the environment and of the attack.
-        policy: "pd", or the name of an attack of `evaluation.attacks`.
-        seconds: how long it lasts at most [s].
-        filter_options: arguments of `SafetyFilter`; None for no filter.
-        env_options: further arguments of the environment.
-    """
-
-    scenario: str
-    seed: int
-    policy: str
-    seconds: float
-    filter_options: Mapping[str, Any] | None
-    env_options: Mapping[str, Any] = {}
+    scenario: str  # its name
+    seed: int  # of the environment and of the attack
+    policy: str  # "pd", or the name of an attack of `evaluation.attacks`
+    seconds: float  # how long it lasts at most [s]
+    filter_options: Mapping[str, Any] | None  # arguments of `SafetyFilter`; None for no filter
+    env_options: Mapping[str, Any] = {}  # further arguments of the environment
     env: str = "HCBF-A1Regions-v0"
 
 
@@ -108,12 +99,7 @@ def main(args: Args) -> None:
 
 
 def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], float]:
-    """Return the pictures of a loop, and the least h of its strict regions and walls [m].
-
-    Args:
-        loop: what to film.
-        size: of a picture [pixels].
-    """
+    """Return the pictures of a loop, and the least h of its strict regions and walls [m]."""
     options: Any = {"scenario": loop.scenario, "render_mode": "rgb_array"} | dict(loop.env_options)
     env: gym.Env = gym.make(loop.env, **options)
     if loop.filter_options is not None:
@@ -139,12 +125,7 @@ def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], f
 
 
 def save(path: Path, pictures: list[Image.Image]) -> None:
-    """Write pictures as a WebP file that starts over without end.
-
-    Args:
-        path: of the file.
-        pictures: of one size, at least one.
-    """
+    """Write pictures as a WebP file that starts over without end."""
     pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
     pictures[0].save(
         path,

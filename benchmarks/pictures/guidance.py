@@ -117,13 +117,7 @@ def _regions(axes: Any, scenario: Scenario, x: Array, y: Array) -> None:
     for priority in sorted(set(rank.tolist()), reverse=True):
         color = palette.paler(palette.priority_color(priority))
         inside = h[:, rank == priority].min(axis=1).reshape(len(y), len(x)) < 0.0
-        axes.contourf(
-            x,
-            y,
-            inside,
-            levels=[0.5, 1.5],
-            colors=[color],
-        )
+        axes.contourf(x, y, inside, levels=[0.5, 1.5], colors=[color])
 
 
 def _finish(axes: Any, scenario: Scenario) -> None:

@@ -51,29 +51,17 @@ GUIDED: dict[str, Any] = {"guidance": "geodesic"}
 
 
 class Line(NamedTuple):
-    """One line of the tables.
+    """One line of the tables."""
 
-    Attributes:
-        section: what is varied.
-        name: how.
-        policies: hostile or not, `scenarios` for each of them.
-        seeds: how many for each policy and scenario.
-        scenarios: names of random ones.
-        env_options: further arguments of the environment.
-        filter_options: arguments of `SafetyFilter`.
-        calm: take scenes alone that do not start in a conflict.
-        v_max: the strict cap on the speed [m/s] in the place of the scenes' own.
-    """
-
-    section: str
-    name: str
-    policies: tuple[str, ...]
-    seeds: int
-    scenarios: tuple[str, ...] = ("random",)
-    env_options: Mapping[str, Any] | None = None
-    filter_options: Mapping[str, Any] | None = None
-    calm: bool = False
-    v_max: float | None = None
+    section: str  # what is varied
+    name: str  # how
+    policies: tuple[str, ...]  # hostile or not, `scenarios` for each of them
+    seeds: int  # how many for each policy and scenario
+    scenarios: tuple[str, ...] = ("random",)  # names of random ones
+    env_options: Mapping[str, Any] | None = None  # further arguments of the environment
+    filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
+    calm: bool = False  # take scenes alone that do not start in a conflict
+    v_max: float | None = None  # the strict cap on the speed [m/s] in the place of the scenes' own
 
     def episodes(self, quick: bool) -> list[AttackedEpisode]:
         """Return its episodes; with `quick` one for each policy and scenario, two seconds long."""
@@ -93,13 +81,7 @@ class Line(NamedTuple):
 
 
 def seeds(scenario: str, number: int, calm: bool) -> list[int]:
-    """Return the first seeds of a random scenario.
-
-    Args:
-        scenario: its name.
-        number: how many.
-        calm: leave out scenes whose start lies inside a region.
-    """
+    """Return the first seeds of a random scenario."""
     every = count(FIRST_SEED[scenario])
     taken = (seed for seed in every if not calm or start_is_free(scenario, seed))
     return list(islice(taken, number))

@@ -34,17 +34,11 @@ OUT_WITHIN = 2.5
 
 @dataclass(frozen=True)
 class PushedEpisode:
-    """What to run: the robot walks at the nearest strict edge, is pushed over it, and walks on.
+    """What to run: the robot walks at the nearest strict edge, is pushed over it, and walks on."""
 
-    Args:
-        program: of the filter.
-        policy: that goes on from the push on.
-        seed: of the environment, and of the push's strength.
-    """
-
-    program: str
-    policy: str
-    seed: int
+    program: str  # of the filter
+    policy: str  # that goes on from the push on
+    seed: int  # of the environment, and of the push's strength
 
     def run(self) -> "PushedOutcome":
         """Run the episode until `SECONDS` after the push."""
@@ -92,32 +86,18 @@ class PushedEpisode:
 
 @dataclass(frozen=True)
 class PushedOutcome:
-    """What one push showed, on the truth at every control step.
+    """What one push showed, on the truth at every control step."""
 
-    Attributes:
-        near: distance from the edge when the push began [m].
-        depth: how deep the robot got [m].
-        inside: control steps that began inside a strict region.
-        told: those of them at which the filter said UNSAFE.
-        seconds: from the first of them to the end of the last [s].
-        fell: whether the robot fell.
-    """
-
-    near: float
-    depth: float
-    inside: int
-    told: int
-    seconds: float
-    fell: bool
+    near: float  # distance from the edge when the push began [m]
+    depth: float  # how deep the robot got [m]
+    inside: int  # control steps that began inside a strict region
+    told: int  # those of them at which the filter said UNSAFE
+    seconds: float  # from the first of them to the end of the last [s]
+    fell: bool  # whether the robot fell
 
 
 def run(quick: bool, kept: Callable[..., Any]) -> list[dict[str, Any]]:
-    """Push the robot under every program and policy; return a row for each program.
-
-    Args:
-        quick: one push for each program.
-        kept: returns the outcomes of episodes, those of an interrupted run too.
-    """
+    """Push the robot under every program and policy; return a row for each program."""
     rows = []
     for program in PROGRAMS:
         episodes = [

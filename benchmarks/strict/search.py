@@ -24,13 +24,6 @@ def worst_attack(trials: int, kept: Callable[..., Any]) -> dict[str, Any]:
     The attackers of one generation meet the same scene for `SECONDS`, the next generation another:
     CMA-ES compares within a generation alone. The objective is the least strict h of the episode
     [m].
-
-    Args:
-        trials: how many attackers are tried.
-        kept: returns the outcomes of episodes, those of an interrupted search too.
-
-    Raises:
-        MissingDependencyError: without the extra `studies`.
     """
     require("a search for attacks", "studies", "optuna", "cmaes")
     import optuna

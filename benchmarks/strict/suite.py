@@ -33,11 +33,7 @@ Group = dict[str, Any]
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Run every episode that is not done yet, and the search; return the tables' figures.
-
-    Args:
-        quick: the first line of each section, shorter, and few attackers.
-    """
+    """Run every episode that is not done yet, and the search; return the tables' figures."""
     root = Path(__file__).parents[2]
     besides = [file for pattern in DEPENDS for file in root.glob(pattern)]
     kept = functools.partial(outcomes, folder=FOLDER, reads=besides)

@@ -28,11 +28,7 @@ EPISODE = 100
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Measure and return steps per second of each combination.
-
-    Args:
-        quick: fewer steps.
-    """
+    """Measure and return steps per second of each combination."""
     steps = EPISODE + 10 if quick else 3 * EPISODE
     rows = [
         _row("native", N, scenario, program, native(scenario, program, N), steps)

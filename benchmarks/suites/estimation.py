@@ -24,27 +24,16 @@ SPEED = 1.0
 
 
 class Walk(NamedTuple):
-    """One episode at the control times.
+    """One episode at the control times."""
 
-    Attributes:
-        position: (k,) squared error of the position along both axes, summed [m²].
-        velocity: (k,) of the velocity [m²/s²].
-        nees: (k,) eᵀ P⁻¹ e, of position and velocity together.
-        fell: whether the robot fell.
-    """
-
-    position: Array
-    velocity: Array
-    nees: Array
-    fell: bool
+    position: Array  # (k,) squared error of the position along both axes, summed [m²]
+    velocity: Array  # (k,) of the velocity [m²/s²]
+    nees: Array  # (k,) eᵀ P⁻¹ e, of position and velocity together
+    fell: bool  # whether the robot fell
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Drive the A1 to random velocities on what it knows; return errors and consistency.
-
-    Args:
-        quick: fewer and shorter episodes.
-    """
+    """Drive the A1 to random velocities on what it knows; return errors and consistency."""
     episodes, steps = (4, 100) if quick else (50, 200)
     jobs = (
         joblib.delayed(walk)(name if fields is None else fields, range(episodes), steps)

@@ -31,11 +31,7 @@ ARM_STEPS = 1000
 
 
 def example(name: str) -> Any:
-    """Return the module ``examples/NAME.py`` of the checkout.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return the module ``examples/NAME.py`` of the checkout."""
     path = Path(__file__).parents[2] / "examples" / f"{name}.py"
     if not path.is_file():
         raise InvalidInputError(f"examples: got no {path.name}, expected a checkout of hcbf-gym")
@@ -295,12 +291,6 @@ def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator)
 
     Changes are random ones, and the steepest descent of each rank's violation, both along what
     the binding rows of higher ranks leave free.
-
-    Args:
-        rows: of one state.
-        u: (n_u,) the input that a lexicographic program chose.
-        limit: of every entry of u.
-        random: draws the changes.
     """
 
     def violation(v: Array, rank: int) -> float:

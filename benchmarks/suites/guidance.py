@@ -33,20 +33,13 @@ THROUGH = {"kind": "geodesic", "through": 2}
 
 
 class Cell(NamedTuple):
-    """Scenes of a family, and who walks them under which filter.
+    """Scenes of a family, and who walks them under which filter."""
 
-    Attributes:
-        scene: a family's or a course's name.
-        policy: as `policies.make` takes it.
-        guidance: as the filter takes it.
-        program: of the filter.
-        options: of the program.
-    """
-
-    scene: str
-    policy: str
-    guidance: Any = None
-    program: str = "lex-cbf-qp"
+    scene: str  # a family's or a course's name
+    policy: str  # as `policies.make` takes it
+    guidance: Any = None  # as the filter takes it
+    program: str = "lex-cbf-qp"  # of the filter
+    # of the program
     options: dict[str, Any] = {}  # noqa: RUF012 - never changed
 
     def settings(self) -> FilterSettings:
@@ -78,27 +71,16 @@ COURSES = ("paper-experiment-straight", "paper-simulation")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What N episodes amount to.
+    """What N episodes amount to."""
 
-    Attributes:
-        reached: (N,) whether the goal was reached within 20 s.
-        seconds: (N,) when, infinity if it was not.
-        least: (N, m) least h of the true body [m] before that.
-        priority: (N, m) of the barriers.
-        deadlock: (N,) share of the time that the robot stood though u* wanted to move.
-        change: (N,) mean ‖u − u without guidance‖ at the same states [m/s²].
-        final: (N,) distance from the goal at the end [m].
-        fell: (N,) whether the robot fell.
-    """
-
-    reached: Mask
-    seconds: Array
-    least: Array
-    priority: Integers
-    deadlock: Array
-    change: Array
-    final: Array
-    fell: Mask
+    reached: Mask  # (N,) whether the goal was reached within 20 s
+    seconds: Array  # (N,) when, infinity if it was not
+    least: Array  # (N, m) least h of the true body [m] before that
+    priority: Integers  # (N, m) of the barriers
+    deadlock: Array  # (N,) share of the time that the robot stood though u* wanted to move
+    change: Array  # (N,) mean ‖u − u without guidance‖ at the same states [m/s²]
+    final: Array  # (N,) distance from the goal at the end [m]
+    fell: Mask  # (N,) whether the robot fell
 
     def entered(self, rank: int) -> float:
         """Return the share of the episodes that entered, or woke in, a region of that rank."""
@@ -107,13 +89,7 @@ class Outcome:
 
 
 class Unguided:
-    """The same filter without guidance, asked at the states of a guided walk.
-
-    Args:
-        env: filtered, single or native.
-        cell: whose program it is.
-        count: N.
-    """
+    """The same filter without guidance, asked at the states of a guided walk."""
 
     def __init__(self, env: Any, cell: Cell, count: int):
         self._env, self._plant = env.unwrapped, env.plant
@@ -210,11 +186,7 @@ def a1_episode(cell: Cell, seed: int) -> Outcome:
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the share of goals and what it cost, of every cell, program and course.
-
-    Args:
-        quick: few scenes.
-    """
+    """Return the share of goals and what it cost, of every cell, program and course."""
     count, on_robot = (20, 1) if quick else (1000, 100)
     arrival = []
     for scene, policy in track(ARRIVAL, "reduced order"):

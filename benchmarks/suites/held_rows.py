@@ -36,18 +36,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 
 class Situation:
-    """What a policy sees of N scenes.
-
-    Args:
-        env: the filtered vector environment.
-        rng: for policies that draw.
-
-    Attributes:
-        x: (N, 4) [m] and [m/s].
-        t: (N,) [s].
-        reach: the largest norm of an input [m/s²].
-        wanted: (N, 2) what PD asks for [m/s²].
-    """
+    """What a policy sees of N scenes."""
 
     def __init__(self, env: wrappers.VectorSafetyFilter, rng: np.random.Generator):
         self._inner: Any = env.unwrapped
@@ -159,14 +148,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
 
 def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any]:
-    """Run one policy in many scenes at once, each for 20 s.
-
-    Args:
-        family: "random" or "random-moving".
-        policy: one of `POLICIES`.
-        rows: one of `SETTINGS`.
-        episodes: how many scenes.
-    """
+    """Run one policy in many scenes at once, each for 20 s."""
     bare = gym.make_vec(
         "HCBF-Regions-v0", num_envs=episodes, scenario=family, autoreset_mode="Disabled"
     )

@@ -34,21 +34,12 @@ _OF = [rank == PRIORITY for rank in (1, 2, 3)]
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the cells of the table.
-
-    Args:
-        quick: few scenes.
-    """
+    """Return the cells of the table."""
     return {"reduced order": cells(20 if quick else 2000, rom_cell)}
 
 
 def cells(episodes: int, cell: Callable[[str, str, int], dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the cells of policies × filters.
-
-    Args:
-        episodes: of each cell, with the seeds from `FIRST_SEED` on.
-        cell: (policy, filter, episodes) → figures.
-    """
+    """Return the cells of policies × filters."""
     pairs = [(name, label) for name in ("pd", *learned.names()) for label in FILTERS]
     return [
         {"policy": name, "filter": label, "episodes": episodes} | cell(name, label, episodes)
@@ -126,17 +117,7 @@ def figures_of(
     deadlock: Array,
     fell: NDArray[Any],
 ) -> dict[str, Any]:
-    """Return the figures of a cell from what each of its N episodes recorded.
-
-    Args:
-        reached: (N,) whether the goal was reached.
-        returns: (N,).
-        least: (N, m) least h [m].
-        inside: (N, m) time with h < 0 [s].
-        intervention: (N,) root mean square of ‖u − u*‖ [m/s²].
-        deadlock: (N,) share of the time that the robot stood though u* asked it to move.
-        fell: (N,) whether the robot fell.
-    """
+    """Return the figures of a cell from what each of its N episodes recorded."""
     depth = np.maximum(-np.column_stack([least[:, of].min(axis=1) for of in _OF]), 0.0)
     time_in = np.column_stack([inside[:, of].sum(axis=1) for of in _OF])
     return {

@@ -24,10 +24,7 @@ from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.models.constants import GRAVITY
 
 OFF_NOMINAL: dict[str, dict[str, Any]] = {
-    "payload 4 kg, 6 cm ahead, 3 cm left": {
-        "payload": 4.0,
-        "payload_position": [0.06, 0.03, 0.08],
-    },
+    "payload 4 kg, 6 cm ahead, 3 cm left": {"payload": 4.0, "payload_position": [0.06, 0.03, 0.08]},
     "torque × 0.9": {"motor_strength": 0.9},
     "delay 4 ms": {"delay": 0.004},
     "sensor noise": {"sensor_noise": 1.0},

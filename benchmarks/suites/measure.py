@@ -4,23 +4,14 @@ from typing import NamedTuple
 
 
 class Measure(NamedTuple):
-    """One line of the table.
+    """One line of the table."""
 
-    Attributes:
-        section: what is measured.
-        name: under which circumstances.
-        value: the figure.
-        unit: of the value.
-        bound: what is asked, None for a figure that is only reported.
-        at_least: whether the bound is a lower one.
-    """
-
-    section: str
-    name: str
-    value: float
-    unit: str
-    bound: float | None = None
-    at_least: bool = False
+    section: str  # what is measured
+    name: str  # under which circumstances
+    value: float  # the figure
+    unit: str  # of the value
+    bound: float | None = None  # what is asked, None for a figure that is only reported
+    at_least: bool = False  # whether the bound is a lower one
 
     @property
     def met(self) -> bool | None:

@@ -54,11 +54,7 @@ def main(args: Args) -> None:
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the figures of the suite: held rows everywhere, the others under lex-cbf-qp.
-
-    Args:
-        quick: few scenes, and one policy.
-    """
+    """Return the figures of the suite: held rows everywhere, the others under lex-cbf-qp."""
     with tempfile.TemporaryDirectory() as folder:
         args = Args(output=Path(folder) / "quick" if quick else Args.output)
         if quick:
@@ -69,11 +65,7 @@ def run(quick: bool) -> dict[str, Any]:
 
 
 def compare(args: Args) -> list[dict[str, Any]]:
-    """Run the chunks that are missing in the folder; return and save a row for each comparison.
-
-    Raises:
-        InvalidInputError: if an argument makes no sense, or the folder holds another study.
-    """
+    """Run the chunks that are missing in the folder; return and save a row for each comparison."""
     if args.episodes < 1 or args.chunk < 1:
         raise InvalidInputError(
             f"got episodes {args.episodes} and chunk {args.chunk}, expected >= 1"

@@ -46,10 +46,7 @@ RANDOMIZATION = {
 }
 DISTURBANCES: tuple[dict[str, Any], ...] = (
     {"kind": "random", "interval": 4.0, "impulse": [5.0, 20.0], "duration": 0.1, "until": 20.0},
-    {
-        "kind": "scheduled",
-        "pushes": [{"time": 0.0, "duration": 0.1, "force": [0.0, 300.0, 0.0]}],
-    },
+    {"kind": "scheduled", "pushes": [{"time": 0.0, "duration": 0.1, "force": [0.0, 300.0, 0.0]}]},
 )
 
 
@@ -90,12 +87,7 @@ def generator(kind: str, seed: int) -> np.random.Generator:
 
 
 def judge(case: Callable[[np.random.Generator], None], rng: np.random.Generator) -> tuple[str, str]:
-    """Return one of `OUTCOMES`, and the message where one was raised.
-
-    Args:
-        case: bends an input and uses it.
-        rng: decides how.
-    """
+    """Return one of `OUTCOMES`, and the message where one was raised."""
     try:
         with time_limit(SECONDS):
             case(rng)
@@ -112,11 +104,7 @@ def judge(case: Callable[[np.random.Generator], None], rng: np.random.Generator)
 
 @contextlib.contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in what takes longer; of the main thread alone.
-
-    Args:
-        seconds: of processor time, so that a busy machine changes no verdict.
-    """
+    """Raise TimeoutError in what takes longer; of the main thread alone."""
 
     def stop(_signal: int, _frame: Any) -> None:
         raise TimeoutError(f"no answer within {seconds:g} s")
@@ -164,12 +152,7 @@ def _places(data: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def bent_xml(text: str, rng: np.random.Generator) -> str:
-    """Return an MJCF text with one attribute or element replaced, scaled, left out or doubled.
-
-    Args:
-        text: of the file.
-        rng: decides which and how.
-    """
+    """Return an MJCF text with one attribute or element replaced, scaled, left out or doubled."""
     root = ElementTree.fromstring(text)
     parents = {child: parent for parent in root.iter() for child in parent}
     elements = list(parents)

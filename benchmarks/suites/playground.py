@@ -36,11 +36,7 @@ _MEGABYTE = 1e6 if sys.platform == "darwin" else 1e3  # of what getrusage counts
 
 
 class Reader(threading.Thread):
-    """A browser without a picture: it counts what it is sent.
-
-    Attributes:
-        count: of the messages so far, each an update of all that has changed.
-    """
+    """A browser without a picture: it counts what it is sent."""
 
     def __init__(self, port: int):
         super().__init__(daemon=True)
@@ -53,12 +49,7 @@ class Reader(threading.Thread):
 
 
 def doze(port: int, stop: threading.Event) -> None:
-    """Connect, read nothing for a while, leave, and connect again, until told to stop.
-
-    Args:
-        port: of the page.
-        stop: set when it is over.
-    """
+    """Connect, read nothing for a while, leave, and connect again, until told to stop."""
     while not stop.is_set():
         with _connection(port):
             stop.wait(NAP)
@@ -69,9 +60,6 @@ def run(quick: bool) -> dict[str, Any]:
 
     A browser draws in software (if Chromium is installed), a reader counts what is sent, and a
     third connects again and again and never reads.
-
-    Args:
-        quick: a fifth of a minute instead of ten.
     """
     periods, period = (2, 6.0) if quick else (10, 60.0)
     session = Session(SETTINGS, "random")

@@ -26,11 +26,7 @@ KEPT = Path("results/policies-on-a1")
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the cells of the table.
-
-    Args:
-        quick: one scene.
-    """
+    """Return the cells of the table."""
     return {"A1": cells(1 if quick else 300, a1_cell)}
 
 

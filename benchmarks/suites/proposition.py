@@ -114,16 +114,6 @@ def least_while_held(
     """Return the least distance (N,) from any region, seen from all places where the robot may be.
 
     Of regions that stay farther away than `FAR` a lower bound of it is taken.
-
-    Args:
-        kind: (m,) of `SHAPES`.
-        numbers: (N, m, WIDTH).
-        velocity: (N, m, 2) of their frames [m/s].
-        x: (N, 4) the states that the rows read.
-        u: (N, 2) inputs.
-        t: time [s].
-        period: T [s].
-        spread: (looks + 1, 2, 2) what a unit vector is multiplied by to be an error [m].
     """
     looks = len(spread) - 1
     s = period * np.arange(looks + 1)[:, None] / looks
@@ -149,31 +139,18 @@ def least_while_held(
 
 
 class Draw(NamedTuple):
-    """What the scenes of one batch share.
+    """What the scenes of one batch share."""
 
-    Attributes:
-        period: T [s].
-        alpha1: α₁.
-        alpha2: α₂'s gain [1/s].
-        input_set: U.
-        body: ρ [m].
-        distance: d [m].
-        known: how the covariance grows: "exact", "constant", "dead reckoning", "accelerating".
-        kinds: (m,) of `SHAPES`.
-        moving: whether regions move.
-        program: its name.
-    """
-
-    period: float
-    alpha1: Any
-    alpha2: float
-    input_set: Any
-    body: float
-    distance: float
-    known: str
-    kinds: tuple[int, ...]
-    moving: bool
-    program: str
+    period: float  # T [s]
+    alpha1: Any  # α₁
+    alpha2: float  # α₂'s gain [1/s]
+    input_set: Any  # U
+    body: float  # ρ [m]
+    distance: float  # d [m]
+    known: str  # how the covariance grows: "exact", "constant", "dead reckoning", "accelerating"
+    kinds: tuple[int, ...]  # (m,) of `SHAPES`
+    moving: bool  # whether regions move
+    program: str  # its name
 
 
 KNOWN = ("exact", "constant", "dead reckoning", "accelerating")
@@ -238,14 +215,7 @@ def region(kind: int, rng: np.random.Generator, moving: bool) -> tuple[Any, Arra
 
 
 def covariance(known: str, t: float, size: float, shape: Array) -> Array:
-    """Return P (4, 4) of the state at the time t, whose own errors grow as its model says.
-
-    Args:
-        known: as `Draw` has it.
-        t: [s].
-        size: of the errors of velocity [m/s].
-        shape: (2, 2) positive definite, their form.
-    """
+    """Return P (4, 4) of the state at the time t, whose own errors grow as its model says."""
     out = np.zeros((4, 4))
     if known == "exact":
         return out
@@ -264,33 +234,18 @@ def covariance(known: str, t: float, size: float, shape: Array) -> Array:
 
 
 class Way(NamedTuple):
-    """One robot beside one region.
+    """One robot beside one region."""
 
-    Attributes:
-        region: the package's.
-        kind: of `SHAPES`.
-        numbers: as `distance` reads them.
-        start: (4,) [m] and [m/s].
-        seconds: how long it is followed.
-        size: of the errors of velocity [m/s].
-    """
-
-    region: Any
-    kind: int
-    numbers: tuple[float, ...]
-    start: Array
-    seconds: float
-    size: float = 0.0
+    region: Any  # the package's
+    kind: int  # of `SHAPES`
+    numbers: tuple[float, ...]  # as `distance` reads them
+    start: Array  # (4,) [m] and [m/s]
+    seconds: float  # how long it is followed
+    size: float = 0.0  # of the errors of velocity [m/s]
 
 
 def follow(d: Draw, way: Way, policy: Callable[[Array], Array]) -> tuple[float, bool]:
-    """Return the least distance of the body from the region, and whether that was kept silent.
-
-    Args:
-        d: of the filter; `kinds` and `moving` are not read.
-        way: of the robot.
-        policy: x (4,) → u*.
-    """
+    """Return the least distance of the body from the region, and whether that was kept silent."""
     core = _core(d, [way.region], None)
     numbers, x = np.zeros((1, 1, WIDTH)), way.start[None].astype(np.float64)
     numbers[0, 0, : len(way.numbers)] = way.numbers
@@ -339,14 +294,7 @@ def _moved(x: Array, u: Array, period: float) -> Array:
 def walk(
     seed: int, count: int = TOGETHER, drawn: Draw | None = None, rest: float = 0.5
 ) -> dict[str, Any]:
-    """Run the scenes of one batch for `SECONDS`, attacked, and return what was entered.
-
-    Args:
-        seed: decides all.
-        count: how many scenes.
-        drawn: what they share; None draws it.
-        rest: the share that starts at rest.
-    """
+    """Run the scenes of one batch for `SECONDS`, attacked, and return what was entered."""
     rng = np.random.default_rng(seed)
     d = draw(rng) if drawn is None else drawn
     made = [[region(kind, rng, d.moving) for kind in d.kinds] for _ in range(count)]

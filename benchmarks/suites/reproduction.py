@@ -13,11 +13,7 @@ FOLDER = Path("results")
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Draw all figures, and return the claims with the figures that they rest on.
-
-    Args:
-        quick: fewer episodes.
-    """
+    """Draw all figures, and return the claims with the figures that they rest on."""
     folder = FOLDER / ("reproduce-quick" if quick else "reproduce")
     return reproduce(FIGURES, folder, quick, Runs(folder / "episodes"))
 

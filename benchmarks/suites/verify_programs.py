@@ -25,30 +25,18 @@ INPUTS = {"batch": 2, "single": 2, "2 inputs": 2, "1 input": 1, "3 inputs": 3, "
 those by DAQP."""
 FORMS = tuple(INPUTS)
 
-INPUT_SETS: tuple[InputSet, ...] = (
-    Box.symmetric(5.0),
-    Box([-1.0, 0.0], [4.0, 2.5]),
-    Ball(5.0),
-)
+INPUT_SETS: tuple[InputSet, ...] = (Box.symmetric(5.0), Box([-1.0, 0.0], [4.0, 2.5]), Ball(5.0))
 
 
 @dataclass
 class Tally:
-    """What came out of the comparison of one program in one form.
+    """What came out of the comparison of one program in one form."""
 
-    Attributes:
-        problems: how many were compared.
-        largest_difference: the largest |Δu| among those that are not wrong.
-        wrong: how many differ by more than `TOLERANCE`.
-        backups: answers with status BACKUP.
-        fallbacks: problems with a stage that took twice the digits, or DAQP's second opinion.
-    """
-
-    problems: int = 0
-    largest_difference: float = 0.0
-    wrong: int = 0
-    backups: int = 0
-    fallbacks: int = 0
+    problems: int = 0  # how many were compared
+    largest_difference: float = 0.0  # the largest |Δu| among those that are not wrong
+    wrong: int = 0  # how many differ by more than `TOLERANCE`
+    backups: int = 0  # answers with status BACKUP
+    fallbacks: int = 0  # problems with a stage that took twice the digits, or DAQP's second opinion
 
     def add(self, answer: FilterResult, wanted: Array) -> None:
         """Compare one answer with the exact input."""
@@ -137,18 +125,7 @@ def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
 def verify(
     name: str, samples: int, jobs: int = 1, forms: Sequence[str] = FORMS, size: int = GROUP
 ) -> Iterator[dict[str, Tally]]:
-    """Compare the forms of a program with its exact solution; yield the tallies as they grow.
-
-    Args:
-        name: the program.
-        samples: how many problems, rounded up to whole groups.
-        jobs: how many processes share the work; −1 is one for each core.
-        forms: among `FORMS`.
-        size: of a group.
-
-    Yields:
-        The tallies of each form, after each group of problems.
-    """
+    """Compare the forms of a program with its exact solution; yield the tallies as they grow."""
     groups = range(-(-samples // size))
     work = (joblib.delayed(verify_group)(name, [0, group], forms, size) for group in groups)
     total: dict[str, Tally] = {}
