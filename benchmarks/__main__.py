@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from hcbf_gym import cli
 
-PICTURES = {
+PICTURES = {  # name → module with `Args` and `main(args)`
     "between-samples": "benchmarks.pictures.between_samples",
     "conflict": "benchmarks.pictures.conflict",
     "gallery": "benchmarks.pictures.gallery",
@@ -14,7 +14,6 @@ PICTURES = {
     "maps": "benchmarks.pictures.maps",
     "weights": "benchmarks.pictures.weights",
 }
-"""name → module with `Args` and `main(args)`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -22,16 +22,14 @@ from tests.studies import drives
 IN_WORDS = ("expected", "missing", "meet", "drive for")
 """One of them stands in each sentence that refuses."""
 WRONG = (math.nan, math.inf, -1.0, 0.0, 1e300, "fast", None, [], {}, True, [1.0, 2.0])
-SECTIONS = {
+SECTIONS = {  # Of a contract
     "command": walker_parts.Command,
     "action": walker_parts.Action,
     "body": walker_parts.Body,
     "fall": walker_parts.Fall,
     "physics": walker_parts.Physics,
 }
-"""Of a contract."""
-COMMAND = Command(1.2, 2.5, look_ahead=0.25)
-"""The shipped cart's."""
+COMMAND = Command(1.2, 2.5, look_ahead=0.25)  # The shipped cart's
 
 
 def bent(quick: bool, count: int) -> Iterator[str]:

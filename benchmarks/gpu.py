@@ -26,7 +26,7 @@ SOURCE = CORE / "cuda" / "filter.cu"
 U = Box.symmetric(5.0)
 RADIUS = float(U.radius)
 SETTINGS = RowSettings(period=0.02, u_max=RADIUS, limits=((-5.0, -5.0), (5.0, 5.0)))
-STANDARD = [
+STANDARD = [  # Headers that NVRTC has none of; the kernel's first lines stand in for them
     "algorithm",
     "array",
     "cmath",
@@ -38,7 +38,6 @@ STANDARD = [
     "utility",
     "vector",
 ]
-"""Headers that NVRTC has none of; the kernel's first lines stand in for them."""
 LIBRARIES = "libnvrtc-builtins", "libnvrtc"  # the second looks for the first
 THREADS = 128  # of a block
 

@@ -30,11 +30,9 @@ from hcbf_gym.evaluation.statistics import CONFIDENCE, upper_bound
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.workers import Backend
 
-SIZE = 5
-"""Episodes in a chunk."""
+SIZE = 5  # Episodes in a chunk
 FIRST_SEED = 11_000_000
-MARK = "HCBF_KILLS"
-"""The variable by which processes of this run are told from all others."""
+MARK = "HCBF_KILLS"  # The variable by which processes of this run are told from all others
 
 
 def walk(seed: int, log: Path) -> float:

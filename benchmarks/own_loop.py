@@ -22,14 +22,11 @@ from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import Walker
 from hcbf_gym.studies.identification.record import Runner
 
-PERIOD = 0.05
-"""Of the commands [s]."""
-START = 100.0
-"""On the robot's clock [s]."""
+PERIOD = 0.05  # Of the commands [s]
+START = 100.0  # On the robot's clock [s]
 LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
 """From one command to the next, as robots look for one at every control step [s]."""
-Planner = Callable[[Array], Array]
-"""Pose (3,) → command (k,)."""
+Planner = Callable[[Array], Array]  # Pose (3,) → command (k,)
 
 
 class Body(NamedTuple):

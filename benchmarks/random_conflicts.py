@@ -44,12 +44,11 @@ PROGRAMS: dict[str, tuple[str, dict[str, Any]] | None] = {
 POLICIES = ("pd", "noisy", "adversarial")
 """PD on the straight line; the same with white noise of 3 m/s²; full thrust at the top region."""
 
-ROWS = {
+ROWS = {  # Rows made for a held input, the usual ones, and those with 1 cm of margin
     "held": (RowSettings(period=DT, u_max=LIMIT * np.sqrt(2.0)), 0.0),
     "continuous": (RowSettings(), 0.0),
     "continuous + 1 cm": (RowSettings(), 0.01),
 }
-"""Rows made for a held input, the usual ones, and those with 1 cm of margin."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,14 @@
 """Every suite of figures: where it is, what it depends on, how long it takes.
 
-A suite is a module with ``run(quick) -> figures``, figures of JSON types, and, where a page shows
-them, ``tables(figures) -> {name: Table}``. Registering one is a line in `SUITES`.
+A suite is a module with ``run(quick) -> figures``, figures of JSON types, and ``tables(figures) ->
+{name: Table}``, or with ``PARTS`` that make a table each. Registering one is a line in `SUITES`.
 """
 
 import importlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.common import run_parts
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.sources import sources_hash
 
@@ -15,10 +16,8 @@ _ROOT = Path(__file__).parents[1]
 
 ROM = ("hcbf_gym/envs/regions.py", "hcbf_gym/envs/regions_vector.py")
 """What the reduced-order environments are made of, and through their imports all below them."""
-A1 = ("hcbf_gym/envs/a1_regions.py", "hcbf_gym/robots/a1/a1.xml")
-"""The same of the walking robot."""
-BASELINES = ("hcbf_gym/policies/baselines/*",)
-"""The policies that come with the package."""
+A1 = ("hcbf_gym/envs/a1_regions.py", "hcbf_gym/robots/a1/a1.xml")  # The same of the walking robot
+BASELINES = ("hcbf_gym/policies/baselines/*",)  # The policies that come with the package
 
 
 class Suite(NamedTuple):
@@ -34,12 +33,15 @@ class Suite(NamedTuple):
 
     def run(self, quick: bool) -> dict[str, Any]:
         """Return its figures."""
-        return importlib.import_module(f"benchmarks.{self.module}").run(quick)
+        module = importlib.import_module(f"benchmarks.{self.module}")
+        return module.run(quick) if hasattr(module, "run") else run_parts(module.PARTS, quick)
 
     def tables(self, figures: dict[str, Any]) -> dict[str, Table]:
-        """Return the tables of its figures by name; none where the suite shows none."""
+        """Return the tables of its figures by name; those of parts are stored as they are."""
         module = importlib.import_module(f"benchmarks.{self.module}")
-        return module.tables(figures) if hasattr(module, "tables") else {}
+        if hasattr(module, "tables"):
+            return module.tables(figures)
+        return {name: Table(**one) for name, one in figures.items()}
 
     def sources(self) -> str:
         """Return the hash of the sources that its figures depend on."""
@@ -48,7 +50,7 @@ class Suite(NamedTuple):
         return sources_hash([own, *also])
 
 
-SUITES = {
+SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/results/NAME.json``
     "course": Suite("suites.course", "the paper's course on the A1, the README's table", 1, A1),
     "reproduction": Suite(
         "suites.reproduction",
@@ -155,4 +157,3 @@ SUITES = {
         "suites.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
     ),
 }
-"""name → suite; `python -m benchmarks --suite NAME`, ``docs/results/NAME.json``."""

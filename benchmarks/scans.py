@@ -23,23 +23,18 @@ from hcbf_gym.maps import Scan, points_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots import Walker
 
-PERIOD, RANGE = 0.1, 10.0
-"""From one scan to the next [s], and how far beams reach [m]."""
-SIDE = 4.0
-"""From the middle of a room to its walls [m]."""
+PERIOD, RANGE = 0.1, 10.0  # From one scan to the next [s], and how far beams reach [m]
+SIDE = 4.0  # From the middle of a room to its walls [m]
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GO1 = "tests/robots/contracts/go1.json"
 ROBOTS = {"cart": "cart", "holonomic cart": "holonomic-cart", "Go1": GO1}
-NEAR = 0.35
-"""Of the goal [m]."""
+NEAR = 0.35  # Of the goal [m]
 PERSON, PACE, PEOPLE = 0.25, 0.5, 3
 """Radius [m] and speed [m/s] of a person, and how many there are."""
 MARGINS = 0.0, 0.3
 """Of a scan of people [m]: none, and by how much a cart falls short before it goes at `PACE`."""
-CREEPS = 0.02
-"""Below it nobody's velocity points anywhere [m/s]."""
-STEP = 0.5
-"""A way is free that leads so far [m]."""
+CREEPS = 0.02  # Below it nobody's velocity points anywhere [m/s]
+STEP = 0.5  # A way is free that leads so far [m]
 
 
 class Case(NamedTuple):

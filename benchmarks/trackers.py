@@ -26,16 +26,12 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
-MOVES = 13
-"""`Reason.MOVES`; by its number, so that the costs are taken in older checkouts, too."""
-CALM = 3
-"""VIOLATED, below which a status is calm."""
-NOISE = 0.02
-"""By how much a position is wrong at most [m]; of normal errors, three deviations."""
+MOVES = 13  # `Reason.MOVES`; by its number, so that the costs are taken in older checkouts, too
+CALM = 3  # VIOLATED, below which a status is calm
+NOISE = 0.02  # By how much a position is wrong at most [m]; of normal errors, three deviations
 PERIODS = 0.02, 0.05
 U = Box.symmetric(5.0)
-FASTEST = 1.5
-"""To which speed the robots' nominal inputs lead [m/s]."""
+FASTEST = 1.5  # To which speed the robots' nominal inputs lead [m/s]
 
 
 class Errors(NamedTuple):

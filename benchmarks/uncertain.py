@@ -30,16 +30,14 @@ from hcbf_gym.programs import FilterStatus
 
 ERRORS = ("constant", "turns", "jumps")
 PERIOD, COUNT, EPISODE, INSTANTS, LOOKS = 0.05, 20, 100, 10, 8
-WITHIN = 0.99
-"""Of κσ, that an error may be."""
+WITHIN = 0.99  # Of κσ, that an error may be
 CART = Axle(look_ahead=0.25, forward=0.8, turn=1.8, braking=1.5)
 REGIONS = (
     HalfPlane("wall", 1, (-1.0, 0.0), -2.0),
     HalfPlane("side", 1, (0.0, 1.0), -2.0),
     Disc("post", 1, (-1.5, 1.0), 0.5),
 )
-AWAY = np.array([(-1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])
-"""From each of them, where most robots are."""
+AWAY = np.array([(-1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])  # From each of them, where most robots are
 CAP = SpeedLimit("cap", 1, 1.2)
 
 

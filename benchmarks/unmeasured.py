@@ -20,7 +20,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import Reason
 
-FLEET = {
+FLEET = {  # Command, reach [m] and period [s]
     "TurtleBot 3": (Command(0.22, 2.84, look_ahead=0.08), 0.11, 0.06),
     "TurtleBot 4": (Command(0.46, 1.9, look_ahead=0.12), 0.19, 0.1),
     "Nav2's stock robot": (Command(0.5, 1.0, look_ahead=0.15), 0.22, 0.04),
@@ -30,9 +30,8 @@ FLEET = {
     "omni": (Command(1.0, 2.0, sideways=1.0), 0.3, 0.04),
     "fast omni": (Command(1.5, 2.0, sideways=1.5), 0.35, 0.06),
 }
-"""Command, reach [m] and period [s]."""
 LATE, TURNED = "commands 1 s late", "yaw 90° off"
-FAULTS = {
+FAULTS = {  # The share of the motion that odometry counts
     "odometry half": 0.5,
     "odometry double": 2.0,
     "odometry dead": 0.0,
@@ -40,11 +39,8 @@ FAULTS = {
     TURNED: 1.0,
     LATE: 1.0,
 }
-"""The share of the motion that odometry counts."""
-WITHIN = 2.0
-"""Time in which a fault is reported [s]."""
-PAUSE = 0.2
-"""For which a robot may be slower meanwhile [s]."""
+WITHIN = 2.0  # Time in which a fault is reported [s]
+PAUSE = 0.2  # For which a robot may be slower meanwhile [s]
 NOISE = np.array([0.02, 0.02, math.radians(1.0)])
 """Standard deviations of a pose [m, rad], and of a twist, halved [m/s, rad/s]."""
 

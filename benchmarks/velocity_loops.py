@@ -18,10 +18,8 @@ from hcbf_gym.evaluation.attacked import Outcome, alarm_of
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.robots.walker import Walker
 
-JITTER = 0.3
-"""Share by which a period is longer or shorter than the regular one."""
-LOST = 0.1
-"""Share of the messages that never come."""
+JITTER = 0.3  # Share by which a period is longer or shorter than the regular one
+LOST = 0.1  # Share of the messages that never come
 
 
 class Cart:

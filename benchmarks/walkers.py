@@ -33,8 +33,7 @@ from hcbf_gym.robots.walker import NAMES, Walker
 RESULTS = Path("results/walkers")
 ROOT = Path(__file__).parents[1]
 CONTRACTS = ROOT / "tests/robots/contracts"
-SLOW = 0.8
-"""The lower of the two caps on the speed [m/s]; the higher one is the contract's."""
+SLOW = 0.8  # The lower of the two caps on the speed [m/s]; the higher one is the contract's
 FIRST_SEED = 7_000_000
 FAMILIES = ("random", "random-moving")
 WIDE = ("random", "random-wide")
@@ -53,14 +52,13 @@ class Robot:
     steps: int = 1000  # control steps that the way may take
 
 
-ROBOTS = {
+ROBOTS = {  # name → what is asked of it; the A1's own suite is `strict`
     "cart": Robot("cart", 700),
     "holonomic-cart": Robot("holonomic-cart", 700),
     "go1": Robot(str(CONTRACTS / "go1.json"), 700),
     "berkeley_humanoid": Robot(str(CONTRACTS / "berkeley_humanoid.json"), 200, steps=3000),
     "go2": Robot(str(RESULTS / "go2.json"), 300, 20, 20),
 }
-"""name → what is asked of it; the A1's own suite is `strict`."""
 
 
 def caps(robot: str) -> tuple[float, ...]:

@@ -194,7 +194,7 @@ def _said(what: str, runs: Sequence[Driven], arrived: Callable[[Driven], Any]) -
     return f"{what}: {passed} of {len(runs)} pass, least {least:+.3f} m, statuses {statuses}"
 
 
-LINKS = {
+LINKS = {  # The twelve rows, fixed beforehand
     "perfect": Link(),
     "20 Hz": Link(20.0),
     "10 Hz": Link(10.0),
@@ -208,9 +208,7 @@ LINKS = {
     "20 Hz, 60 ms late, 30 % lost": Link(20.0, 0.06, 0.3, 0.3),
     "20 Hz, bursts of 4, 30 % lost": Link(20.0, 0.02, 0.3, 0.3, 4),
 }
-"""The twelve rows, fixed beforehand."""
-MAX_AGE = 0.4
-"""That the loops believe [s]."""
+MAX_AGE = 0.4  # That the loops believe [s]
 
 
 def loops(quick: bool, count: int, robot: str) -> Iterator[str]:

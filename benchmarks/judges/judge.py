@@ -9,12 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.judges.certificate import Rationals, Stage, dot, minimiser
+from benchmarks.judges import exact
 from benchmarks.judges.exact import exactly, rational
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import choose
 from hcbf_gym.models.input_sets import InputSet
+
+Rationals = list[Any]
+LOOSE = 1e-10
+"""What the guess gives rows of norm 1 beyond their bounds: what stages before have decided is met
+without room, which rounding would make infeasible."""
 
 JUDGED = ("cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
 """The programs whose equations stand here."""
@@ -98,8 +103,48 @@ class Region:
     def _minimiser(
         self, lambda_u: float, a: Array, target: Rationals, weight: Array, least: Array | None
     ) -> Rationals:
-        parts = self.a, self.b, self.low, self.u_nominal
-        return minimiser(Stage(*parts, lambda_u, a, target, weight, least))
+        """Minimise ``λ ‖u − u*‖² + Σ w_k v_k²``, v_k = t_k − a_k u or, with m, max(m_k, t_k − a_k u).
+
+        Rows and costs are scaled by powers of two to a size near 1, for the guess in doubles; rows
+        without a gradient stay out, as nothing depends on them.
+        """
+        n, low = self.low.size, exactly(self.low)
+        acting, paying = (self.a != 0.0).any(axis=1), (a != 0.0).any(axis=1)
+        size, unit = _scale(self.a[acting]), _scale(a[paying])
+        hard, soft = exactly(self.a[acting] * size[:, None]), exactly(a[paying] * unit[:, None])
+        bound = np.array(self.b, dtype=object)[acting] * exactly(size) - hard @ low
+        goal = np.array(target, dtype=object)[paying] * exactly(unit) - soft @ low
+        price = weight[paying] / unit**2
+        whole = 2.0 ** -np.round(np.log2(max(lambda_u, price.max(initial=0.0)) or 1.0))
+        price, pull = exactly(price * whole), rational(lambda_u * whole)
+        hessian = exactly(np.eye(n)) * pull
+        linear = pull * (low - exactly(self.u_nominal))
+        if least is None:
+            hessian = hessian + (soft.T * price) @ soft
+            linear = linear - (soft.T * price) @ goal
+            x = exact.quadratic_program(hessian, linear, hard, bound, LOOSE)
+            return (low + x).tolist()
+        m, s = exactly(least[paying] * unit), len(goal)
+        both = exact.zeros(n + s, n + s)
+        both[:n, :n], both[range(n, n + s), range(n, n + s)] = hessian, price
+        rows = np.vstack((
+            np.hstack((hard, exact.zeros(len(hard), s))), np.hstack((soft, exactly(np.eye(s)))),
+        ))  # fmt: skip
+        x = exact.quadratic_program(
+            both, np.concatenate((linear, price * m)), rows, np.concatenate((bound, goal - m)),
+            np.repeat((LOOSE, 0.0), (len(hard), s)),
+        )  # fmt: skip
+        return (low + x[:n]).tolist()
+
+
+def _scale(rows: Array) -> Array:
+    """Return (k,) the powers of two that bring rows (k, n) to a norm near 1."""
+    return 2.0 ** -np.round(np.log2(np.linalg.norm(rows, axis=1)))
+
+
+def dot(a: Array, u: Rationals) -> Any:
+    """Return a·u in rational numbers."""
+    return sum((rational(x) * y for x, y in zip(a.tolist(), u, strict=True) if x), rational(0))
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from hcbf_gym.drawing.palette import priority_color
 PERIOD, U_MAX, RADIUS = 0.05, 5.0, 0.3
 """How long an input is held [s], the largest input [m/s²], the disc's radius [m]."""
 SECONDS = 4.0
-FINE = 40
-"""Points drawn in a period."""
+FINE = 40  # Points drawn in a period
 
 
 @dataclass(frozen=True)

@@ -47,14 +47,10 @@ SCENE: dict[str, Any] = {
     "v_max": 1.0,
 }
 SECONDS = 15.0
-STEPS = 8
-"""Control steps between two pictures."""
-SPEED = 2.0
-"""Of the film, relative to the robot."""
-SIZE = (720, 480)
-"""Of a picture [pixels]."""
-LARGEST = 2_000_000
-"""Of the film [bytes]."""
+STEPS = 8  # Control steps between two pictures
+SPEED = 2.0  # Of the film, relative to the robot
+SIZE = (720, 480)  # Of a picture [pixels]
+LARGEST = 2_000_000  # Of the film [bytes]
 _STRIP = 30  # [pixels] under the picture, for the line of text
 
 

@@ -19,14 +19,10 @@ from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 
-STEPS = 10
-"""Control steps between two pictures."""
-SPEED = 2.0
-"""Of the loop, relative to the robot."""
-SIZE = (400, 300)
-"""Of a picture [pixels]."""
-QUALITY = 35
-"""Of the WebP file, of 100."""
+STEPS = 10  # Control steps between two pictures
+SPEED = 2.0  # Of the loop, relative to the robot
+SIZE = (400, 300)  # Of a picture [pixels]
+QUALITY = 35  # Of the WebP file, of 100
 _STRIP = 22  # [pixels] under the picture, for the line of text
 
 
@@ -52,7 +48,7 @@ LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
 H: dict[str, Any] = {"program": "h-cbf-qp", "delta_gamma": 1.3}
 GUIDED = LEX | {"guidance": "geodesic"}
 CART = {"robot": "cart", "body": "footprint"}
-LOOPS = {
+LOOPS = {  # The loops of the site by name
     "attack": Loop("random", 1, "edge", 14.0, LEX, {"body": "footprint"}),
     "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
     "paper-simulation": Loop("paper-simulation", 0, "pd", 18.0, H | {"gamma0": 5.0}),
@@ -66,12 +62,10 @@ LOOPS = {
     "map-flat": Loop("map-flat", 2, "edge", 20.0, GUIDED, {"body": "footprint"}),
     "map-office": Loop("map-office", 1, "nearest", 24.0, GUIDED, CART, "HCBF-WalkerRegions-v0"),
 }
-"""The loops of the site by name."""
-FOREIGN = {
+FOREIGN = {  # The loops of robots that are not the project's own: their contracts read `$HCBF_DATA`
     name: _attacked(f"tests/robots/contracts/{name}.json", 1)
     for name in ("go1", "berkeley_humanoid")
 }
-"""The loops of robots that are not the project's own: their contracts read `$HCBF_DATA`."""
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
 
-STRIP = (5.0, 10.0, 15.0)
-"""When the strip looks at the robot [s]."""
+STRIP = (5.0, 10.0, 15.0)  # When the strip looks at the robot [s]
 
 
 def field_picture(path: Path, scene: str = "random-clutter", seed: int = 10_004) -> None:

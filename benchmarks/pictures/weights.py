@@ -16,8 +16,7 @@ from hcbf_gym import models, programs
 from hcbf_gym.barriers import GeneralRows, HalfPlane, LinearClassK
 from hcbf_gym.drawing.palette import priority_color
 
-WALL = HalfPlane("wall", 1, normal=(0.0, 1.0), offset=-5.0)
-"""Far away: rank 1 decides nothing here."""
+WALL = HalfPlane("wall", 1, normal=(0.0, 1.0), offset=-5.0)  # Far away: rank 1 decides nothing here
 LAWN = HalfPlane("lawn", 2, normal=(1.0, 0.0), offset=0.3)
 BED = HalfPlane("flower bed", 3, normal=(-1.0, 0.0), offset=0.9)
 """The robot, at rest in the origin, is inside both: h is −0.3 m and −0.9 m."""

@@ -62,13 +62,12 @@ class Doubled(gym.ActionWrapper):
         return 2.0 * np.asarray(action)
 
 
-FAULTS: dict[str, Callable[[gym.Env], gym.Env] | None] = {
+FAULTS: dict[str, Callable[[gym.Env], gym.Env] | None] = {  # What stands between filter and robot
     "none": None,
     "delay of 10 steps": Delayed,
     "hold of 25 steps": Held,
     "gain of 2": Doubled,
 }
-"""What stands between filter and robot."""
 
 
 def run(quick: bool) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from hcbf_gym.policies import learned
 FIRST_SEED = {"random": 50_000, "random-moving": 60_000, "random-wide": 70_000}
 """Of each family: with the same seed the first two have the same strict regions."""
 
-AIMED = ("nearest", "corner", "edge")
-"""The attacks that came closest."""
+AIMED = ("nearest", "corner", "edge")  # The attacks that came closest
 
 FAST = ("bang-bang", "rotating", "edge", "slam")
 """The attacks that use the speed that a high cap leaves them."""
@@ -44,8 +43,7 @@ PLANTS: dict[str, dict[str, Any]] = {
 }
 """Plants that differ from what the filter and the controller believe."""
 
-FIX: dict[str, Any] = {"estimation": {}}
-"""A position fix of 2 cm at 20 Hz, 40 ms late."""
+FIX: dict[str, Any] = {"estimation": {}}  # A position fix of 2 cm at 20 Hz, 40 ms late
 BODY: dict[str, Any] = {"body": "footprint"}
 GUIDED: dict[str, Any] = {"guidance": "geodesic"}
 
@@ -102,7 +100,7 @@ def start_is_free(scenario: str, seed: int) -> bool:
 
 BOTH = ("random", "random-moving")
 
-LINES = (
+LINES = (  # Every attack on the nominal plant, the aimed ones on others, and friendly policies
     *(Line("nominal", name, (name,), 150, BOTH) for name in ATTACKS),
     *(Line("cap", f"{v_max} m/s", FAST, 25, v_max=v_max) for v_max in (V_MAX, FASTEST)),
     Line("policy", "pd", ("pd",), 100),
@@ -117,4 +115,3 @@ LINES = (
         for name in ("pd", *learned.names())
     ),
 )
-"""Every attack on the nominal plant, the aimed ones on others, and friendly policies."""

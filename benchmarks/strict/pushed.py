@@ -16,20 +16,14 @@ from hcbf_gym.programs import FilterStatus
 
 PROGRAMS = ("r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
 POLICIES = ("pd", *learned.names())
-SEEDS = 10
-"""For each program and policy."""
+SEEDS = 10  # For each program and policy
 FIRST_SEED = 80_000
 
-NEAR = 0.12
-"""How near an edge the robot is when it is pushed [m]."""
-IMPULSE = (25.0, 30.0)
-"""Of the push [N·s]."""
-STEPS = 5
-"""How long the push lasts [control steps]."""
-SECONDS = 5.0
-"""How long the robot is watched from the push on."""
-OUT_WITHIN = 2.5
-"""How long it may take to come out [s]."""
+NEAR = 0.12  # How near an edge the robot is when it is pushed [m]
+IMPULSE = (25.0, 30.0)  # Of the push [N·s]
+STEPS = 5  # How long the push lasts [control steps]
+SECONDS = 5.0  # How long the robot is watched from the push on
+OUT_WITHIN = 2.5  # How long it may take to come out [s]
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,12 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
 FOLDER = Path("results/strict")
-DEPENDS = (
+DEPENDS = (  # What outcomes depend on besides what their episodes import
     "hcbf_gym/envs/a1_regions.py",
     "hcbf_gym/robots/a1/a1.xml",
     "hcbf_gym/policies/baselines/*",
 )
-"""What outcomes depend on besides what their episodes import."""
-TRIALS = 2000
-"""Attackers that the search tries."""
+TRIALS = 2000  # Attackers that the search tries
 
 Group = dict[str, Any]
 

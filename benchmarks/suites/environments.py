@@ -23,8 +23,7 @@ TARGETS = {("native", "none"): 1_000_000, ("native", "lex-cbf-qp"): 200_000}
 """Steps per second that the batch of 4096 must reach with five rows."""
 
 N = 4096
-EPISODE = 100
-"""Steps of an episode, few enough for every episode to restart during the measurement."""
+EPISODE = 100  # Steps of an episode, few enough for every episode to restart during the measurement
 
 
 def run(quick: bool) -> dict[str, Any]:

@@ -12,15 +12,13 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.estimation import PRESETS
 from hcbf_gym.evaluation.tables import Table
 
-SENSORS: dict[str, Any] = {
+SENSORS: dict[str, Any] = {  # What is compared: presets by their name, and fields of `Sensors`
     **dict.fromkeys(PRESETS),
     "fixes of 2 cm at 20 Hz, 40 ms late": {},
     "the same, drift 5 cm in 2 s": {"drift": 0.05, "drift_time": 2.0},
 }
-"""What is compared: presets by their name, and fields of `Sensors`."""
 
-SPEED = 1.0
-"""Each component of the velocities that the robot is driven to, at most [m/s]."""
+SPEED = 1.0  # Each component of the velocities that the robot is driven to, at most [m/s]
 
 
 class Walk(NamedTuple):

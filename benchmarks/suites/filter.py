@@ -30,7 +30,7 @@ SAME_ROWS: dict[str, Any] = {"alpha1": 1.0, "alpha2": 1.0, "rows": "usual", "mar
 REPETITIONS = 5
 WANTED = np.array([0.5, 0.5])
 
-SHAPES = (
+SHAPES = (  # At the origin the first two ask for opposite inputs; far away nothing binds
     Disc("strict", 1, (-0.3, -0.2), 0.33),
     Disc("against it", 2, (0.3, 0.2), 0.8),
     HalfPlane("wall", 1, (-1.0, 0.0), -1.0),
@@ -41,7 +41,6 @@ SHAPES = (
         for k in range(7)
     ),
 )
-"""At the origin the first two ask for opposite inputs; far away nothing binds."""
 
 
 def run(quick: bool) -> dict[str, Any]:

@@ -23,11 +23,9 @@ from hcbf_gym.programs import FilterStatus
 MAZES = ("UMaze", "Medium", "Large")
 MAZE_STEPS = {"random": 800, "goal": 6000, "ppo": 800}
 """How long an episode may last; one step is 0.01 s."""
-HELD_STEPS = 20
-"""For so many steps the policy "random" pushes the same way."""
+HELD_STEPS = 20  # For so many steps the policy "random" pushes the same way
 TRAINING_STEPS = 20_000
-ARM_STEPS = 1000
-"""Ten seconds for each target, in which the spheres come by."""
+ARM_STEPS = 1000  # Ten seconds for each target, in which the spheres come by
 
 
 def example(name: str) -> Any:

@@ -21,18 +21,15 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.programs import FilterStatus
 
-LOOKS = 20
-"""Looks in a control step."""
+LOOKS = 20  # Looks in a control step
 FIRST_SEED = 50_000
-NOISE = 3.0
-"""Standard deviation of what is added to PD in the policy "noise" [m/s²]."""
+NOISE = 3.0  # Standard deviation of what is added to PD in the policy "noise" [m/s²]
 
-SETTINGS: dict[str, dict[str, Any]] = {
+SETTINGS: dict[str, dict[str, Any]] = {  # What the filter is given, by name
     "held": {"rows": "held", "margin": 0.0},
     "usual": {"rows": "usual", "margin": 0.0},
     "usual + 1 cm": {"rows": "usual", "margin": 0.01},
 }
-"""What the filter is given, by name."""
 
 
 class Situation:

@@ -22,13 +22,12 @@ from hcbf_gym.policies import PDTracker, Policy, learned
 SCENARIO = "random"
 FIRST_SEED = 100_000
 """Neither training nor the choice of the best policies saw scenes of these seeds."""
-FILTERS: dict[str, tuple[str, dict[str, Any]]] = {
+FILTERS: dict[str, tuple[str, dict[str, Any]]] = {  # label → program and options
     UNFILTERED: (UNFILTERED, {}),
     **{name: (name, SHOWN_OPTIONS.get(name, {})) for name in ("r-cbf-qp", "h-cbf-qp", "eh-cbf-qp")},
     "lex-cbf-qp": ("lex-cbf-qp", {}),
     "lex-cbf-qp, guided": ("lex-cbf-qp", {"guidance": "geodesic"}),
 }
-"""label → program and options."""
 PRIORITY = np.array([barrier.priority for barrier in scenarios.make("random").barriers])
 _OF = [rank == PRIORITY for rank in (1, 2, 3)]
 

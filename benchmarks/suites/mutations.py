@@ -20,8 +20,7 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.robots import a1
 
-SECONDS = 60.0
-"""Of processor time that a case may take."""
+SECONDS = 60.0  # Of processor time that a case may take
 
 POISON: tuple[Any, ...] = (
     *(None, True, "", "a", "floor", [], {}, [1.0], [[1.0, 2.0]], 1j),
@@ -31,8 +30,7 @@ XML_POISON = ("", "x", "nan", "inf", "0", "-1", "1e300", "1e-300", "1 2 3 4 5 6 
 
 OUTCOMES = ("refused", "accepted", "raw error", "hang", "nonsense")
 """What may become of a bent input."""
-WRONG = OUTCOMES[2:]
-"""What must not."""
+WRONG = OUTCOMES[2:]  # What must not
 
 RANDOMIZATION = {
     "floor_friction": [0.4, 0.8],
@@ -224,10 +222,9 @@ def _robot(rng: np.random.Generator) -> None:
         raise Nonsense("the robot falls on the spot")
 
 
-CASES: dict[str, Callable[[np.random.Generator], None]] = {
+CASES: dict[str, Callable[[np.random.Generator], None]] = {  # What is bent, and a trial of it
     "scenario": _scenario,
     "randomization": _randomization,
     "disturbance": _disturbance,
     "robot": _robot,
 }
-"""What is bent, and a trial of it."""

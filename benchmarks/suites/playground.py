@@ -21,17 +21,12 @@ from hcbf_gym.play.session import Session
 from hcbf_gym.play.settings import Settings
 
 SETTINGS = Settings(policy="human", program="lex-cbf-qp", guidance=True)
-CHANGE_EVERY = 5.0
-"""Time between two things that the person does [s]."""
-REACH = 1.5
-"""How far from the robot the stick is dragged [m]."""
-PUSH = 60.0
-"""[N]."""
+CHANGE_EVERY = 5.0  # Time between two things that the person does [s]
+REACH = 1.5  # How far from the robot the stick is dragged [m]
+PUSH = 60.0  # [N]
 AS_FAST_AS_IT_CAN = 1e6
-FREE_RUN = 10.0
-"""How long the simulation runs as fast as it can [s of the clock]."""
-NAP = 15.0
-"""How long a browser that reads nothing stays [s]; the page itself drops it after 40 s."""
+FREE_RUN = 10.0  # How long the simulation runs as fast as it can [s of the clock]
+NAP = 15.0  # How long a browser that reads nothing stays [s]; the page itself drops it after 40 s
 _MEGABYTE = 1e6 if sys.platform == "darwin" else 1e3  # of what getrusage counts in
 
 

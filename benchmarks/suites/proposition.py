@@ -34,17 +34,13 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 
 SHAPES = ("wall", "disc", "ellipse", "polygon", "capsule")
-TOGETHER = 500
-"""Scenes of one draw of U, T, α, body and covariance."""
+TOGETHER = 500  # Scenes of one draw of U, T, α, body and covariance
 SECONDS = 5.0
-LOOK = 1e-3
-"""Between two looks [s]."""
-ROUNDING = 1e-9
-"""What counts as not entered [m]."""
+LOOK = 1e-3  # Between two looks [s]
+ROUNDING = 1e-9  # What counts as not entered [m]
 CORNERS = 5
 WIDTH = 2 + 2 * CORNERS
-DIRECTIONS = 8
-"""In which the robot may be off."""
+DIRECTIONS = 8  # In which the robot may be off
 FAR = 0.5
 """[m], more than any body: a region that stays so far away for a whole hold is looked at once."""
 

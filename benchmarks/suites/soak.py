@@ -19,14 +19,13 @@ from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
-SECONDS = 3600.0
-"""Of simulated time, for the A1, and for every copy of the reduced-order model."""
+SECONDS = 3600.0  # Of simulated time, for the A1, and for every copy of the reduced-order model
 EPISODES_PER_ENV = 8
 """Then the A1's environment is closed, and one with another fault inside is made."""
 COPIES = 8
 DT = 0.02
 
-CONDITIONS: dict[str, Any] = {
+CONDITIONS: dict[str, Any] = {  # Of the A1's plant; the hardest pushes make it fall
     "randomization": {
         "floor_friction": [0.4, 0.8],
         "payload": [0.0, 4.0],
@@ -38,7 +37,6 @@ CONDITIONS: dict[str, Any] = {
     "disturbances": {"kind": "random", "interval": 3.0, "impulse": [5.0, 60.0]},
     "estimation": {},
 }
-"""Of the A1's plant; the hardest pushes make it fall."""
 
 BAD_ACTIONS: tuple[Any, ...] = (np.full(2, np.nan), np.zeros(3), "ab", {}, None, [1j, 0.0])
 

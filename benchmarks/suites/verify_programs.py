@@ -16,10 +16,8 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
 
-TOLERANCE = 1e-6
-"""Largest |Δu| that counts as the same input."""
-GROUP = 100
-"""Problems that share a program with its options."""
+TOLERANCE = 1e-6  # Largest |Δu| that counts as the same input
+GROUP = 100  # Problems that share a program with its options
 INPUTS = {"batch": 2, "single": 2, "2 inputs": 2, "1 input": 1, "3 inputs": 3, "7 inputs": 7}
 """The forms that are compared, and their numbers of inputs: `make_batch` and `make`; "2 inputs" are
 those by DAQP."""
