@@ -9,9 +9,9 @@ PICTURES = {  # name → module with `Args` and `main(args)`
     "between-samples": "benchmarks.pictures.between_samples",
     "conflict": "benchmarks.pictures.conflict",
     "gallery": "benchmarks.pictures.gallery",
-    "guidance": "benchmarks.pictures.guidance",
+    "guidance": "benchmarks.pictures.fields",
     "input-plane": "benchmarks.pictures.input_plane",
-    "maps": "benchmarks.pictures.maps",
+    "maps": "benchmarks.pictures.fields",
     "weights": "benchmarks.pictures.weights",
 }
 

@@ -1,14 +1,14 @@
 """A robot's own loop behind `VelocityFilter`, as a node runs it: robots, planners, links.
 
-What drives in it is a lag of first order, or a walker in MuJoCo; odometry comes as often, as late
-and as seldom as a `Link` says.
+What drives in it is a lag of first order, or a walker in MuJoCo; odometry comes as often and
+as late as its `Link` lets it.
 """
 
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,12 +99,12 @@ class Driven(NamedTuple):
 
     path: Array  # (k, 3) poses at every control step
     least: float  # the least distance of the robot's circle from a strict region [m]
-    statuses: Array  # (6,) how often each was said
+    statuses: Array  # (6,) how often each was reported
     alarms: set[int]  # reasons from the first alarm on
     alarmed: float  # when the first was raised [s]; infinite for never
     longest: float  # 99th percentile of a step [s]
     fell: bool  # whether the robot fell, where the loop ends
-    told: Array  # (k, n) commands
+    commands: Array  # (k, n)
 
     @property
     def length(self) -> float:
@@ -113,7 +113,7 @@ class Driven(NamedTuple):
 
 
 def loop(
-    door: VelocityFilter,
+    safe: VelocityFilter,
     robot: Moving,
     planner: Planner,
     reach: float,
@@ -129,20 +129,35 @@ def loop(
     ),
     period: float = PERIOD,
 ) -> Driven:
-    """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes."""
+    """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes.
+
+    Args:
+        safe: the filter.
+        robot: the robot.
+        planner: pose → nominal command.
+        reach: radius of the circle that must stay outside [m].
+        seconds: how long at most.
+        link: of the odometry.
+        seed: of what is lost and late.
+        until: pose → whether it has arrived.
+        walls: what is there; None for what the filter knows.
+        sees: called at every control step with the time [s], before the filter.
+        senses: the time [s] and the robot → pose and twist of its odometry.
+        period: of the commands [s].
+    """
     rng = np.random.default_rng(seed)
-    regions = BarrierSet([door.barriers if walls is None else walls])
+    regions = BarrierSet([safe.barriers if walls is None else walls])
     strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
     waiting: list[tuple[float, float, Array, Array]] = []
     newest: tuple[float, Array, Array] | None = None
-    path, told, spent, alarms = [], [], [], set[int]()
+    path, commands, spent, alarms = [], [], [], set[int]()
     statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
-    said, commanded, alarmed = -np.inf, -np.inf, np.inf
+    sent, commanded, alarmed = -np.inf, -np.inf, np.inf
     for k in range(round(seconds / CONTROL_DT)):
         now = START + CONTROL_DT * k
         sees(now, robot)
-        if now - said >= 1.0 / link.rate - 1e-9:
-            said = now
+        if now - sent >= 1.0 / link.rate - 1e-9:
+            sent = now
             if dropped == 0 and rng.random() * link.burst < link.lost:
                 dropped = link.burst
             if dropped:
@@ -156,25 +171,54 @@ def loop(
         if newest is not None and now - commanded >= period - 1e-9:
             commanded = now if now - commanded > 2.0 * period else commanded + period
             began = time.perf_counter()
-            _, report = door.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
+            _, report = safe.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
             spent.append(time.perf_counter() - began)
             statuses[int(report["status"])] += 1
             if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
                 alarmed = min(alarmed, now)
-        robot.go(door.command_at(now))
+        robot.go(safe.command_at(now))
         path.append(robot.pose)
-        told.append(door.command_at(now))
+        commands.append(safe.command_at(now))
         x = np.array([[*robot.pose[:2], 0.0, 0.0]])
         h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
         least = min(least, float(h[strict].min(initial=np.inf)) - reach)
         if robot.fallen or until(robot.pose):
             break
     longest = float(np.quantile(spent[5:] or [0.0], 0.99))
-    fell = robot.fallen
     return Driven(
-        np.array(path), least, statuses, alarms, alarmed - START, longest, fell, np.array(told)
-    )
+        np.array(path), least, statuses, alarms, alarmed - START, longest, robot.fallen,
+        np.array(commands),
+    )  # fmt: skip
+
+
+def drive(
+    known: Any,
+    barriers: Sequence[Barrier],
+    planner: Planner,
+    seconds: float,
+    body: Any = None,
+    start: Array | None = None,
+    seed: int = 0,
+    options: Mapping[str, Any] | None = None,
+    **of_loop: Any,
+) -> Driven:
+    """Run the loop of a robot that the filter knows, or of another body behind that filter.
+
+    Args:
+        known: a walker or a robot.
+        barriers: of the filter.
+        planner: pose → nominal command.
+        seconds: how long at most.
+        body: what drives; None for what is known.
+        start: pose (3,); None for the origin.
+        seed: of the body and of the link.
+        options: further arguments of the filter.
+        of_loop: further arguments of `loop`.
+    """
+    safe = VelocityFilter(known, barriers, **({"period": LONGEST} | dict(options or {})))
+    robot = Moving(known if body is None else body, np.zeros(3) if start is None else start, seed)
+    return loop(safe, robot, planner, known.reach, seconds, seed=seed, **of_loop)
 
 
 def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:

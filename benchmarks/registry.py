@@ -74,7 +74,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         2,
         ROM,
     ),
-    "monitor": Suite("strict.faults", "does the filter notice what stands between?", 10, A1),
+    "monitor": Suite("command_tracking", "are wrappers between filter and robot noticed?", 10, A1),
     "strict": Suite(
         "strict.suite",
         "attacks, search and pushes against the strict rank",
@@ -153,7 +153,5 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="play",
         needs=("viser",),
     ),
-    "mutations": Suite(
-        "suites.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
-    ),
+    "mutations": Suite("suites.mutations", "malformed inputs: refused clearly, or sensible", 5, A1),
 }

@@ -55,13 +55,13 @@ class Unmeasured(Moving):
         start = np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)])
         super().__init__(Body(known, rng.uniform(0.0, 0.3), rng.uniform(0.0, 0.1)), start)
         self._size = 1.0 + self._command.forward
-        self._door = VelocityFilter(
+        self._filter = VelocityFilter(
             known, boxes_of(rng, self._size), period=self._period, max_age=0.5, on_alarm="brake"
         )
         self._begins = 0.0 if fault == LATE else rng.uniform(4.0, 8.0)
         self._begun: Array | None = None  # where the fault begins
         still = np.zeros(len(self._command.limits))
-        self._told, self._waiting_1s = still, deque([still] * round(1.0 / CONTROL_DT))
+        self._command_now, self._waiting_1s = still, deque([still] * round(1.0 / CONTROL_DT))
         self._goal, self._left, self._speed = np.zeros(2), 0.0, 0.0
         self._driven = self._slow = self._reported_for = self.fast = 0.0
 
@@ -101,23 +101,23 @@ class Unmeasured(Moving):
             self._slow = 0.0 if fast else self._slow + CONTROL_DT
             self.fast = self.fast + CONTROL_DT if self._slow < PAUSE else 0.0
         if self._rng.random() >= 0.1:
-            self._told = command
-        self._waiting_1s.append(self._told)
+            self._command_now = command
+        self._waiting_1s.append(self._command_now)
         late = self._waiting_1s.popleft()
-        super().go(late if self._fault == LATE else self._told)
+        super().go(late if self._fault == LATE else self._command_now)
         self._driven += CONTROL_DT
 
     def drive(self, seconds: float) -> Driven:
         """Run the loop; with a fault it ends soon after the report, or when that is too late."""
 
         def ends(_: Array) -> bool:
-            if self._door._odometry.fault and self._reported_for == 0.0:
+            if self._filter._odometry.fault and self._reported_for == 0.0:
                 self._reported_for = CONTROL_DT
             late = self.fast > WITHIN + 1.0
             return self._fault is not None and (late or self._reported_for > 1.0)
 
         return loop(
-            self._door, self, self._plan, 0.0, seconds, Link(50.0, 0.02, 0.5, 0.1), 0, ends,
+            self._filter, self, self._plan, 0.0, seconds, Link(50.0, 0.02, 0.5, 0.1), 0, ends,
             senses=self._senses, period=self._period,
         )  # fmt: skip
 
@@ -138,7 +138,7 @@ def cases(name: str, fault: str, count: int) -> list[Seen]:
         run = robot.drive(60.0)
         if run.alarms or robot.fast > WITHIN:
             after = robot.fast if run.alarms else math.inf
-            found.append(Seen(after, run.alarms, bool(run.alarms) and not run.told[-10:].any()))
+            found.append(Seen(after, run.alarms, bool(run.alarms) and not run.commands[-10:].any()))
         if len(found) == count or seed >= 4 * count:
             return found
     return found

@@ -103,7 +103,7 @@ class Region:
     def _minimiser(
         self, lambda_u: float, a: Array, target: Rationals, weight: Array, least: Array | None
     ) -> Rationals:
-        """Minimise ``λ ‖u − u*‖² + Σ w_k v_k²``, v_k = t_k − a_k u or, with m, max(m_k, t_k − a_k u).
+        """Minimise ``λ ‖u − u*‖² + Σ w_k v_k²``: v = t − a u or, with least m, ``max(m, t − a u)``.
 
         Rows and costs are scaled by powers of two to a size near 1, for the guess in doubles; rows
         without a gradient stay out, as nothing depends on them.

@@ -1,15 +1,8 @@
 """Draw for `docs/rows.md` how h moves between samples, under usual and under held rows."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 
+from benchmarks.pictures.canvas import Args, plt, save
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Disc, RowSettings
 from hcbf_gym.barriers.planar_rows import planar_rows
@@ -20,14 +13,6 @@ PERIOD, U_MAX, RADIUS = 0.05, 5.0, 0.3
 """How long an input is held [s], the largest input [m/s²], the disc's radius [m]."""
 SECONDS = 4.0
 FINE = 40  # Points drawn in a period
-
-
-@dataclass(frozen=True)
-class Args:
-    """Where the picture goes."""
-
-    output: Path = Path("docs/images")
-    """Folder for between_samples.png."""
 
 
 def main(args: Args) -> None:
@@ -46,9 +31,7 @@ def main(args: Args) -> None:
     axes.set(xlabel=f"time [s]; a dot every {PERIOD} s is a sample", ylabel="h [mm]")
     axes.set(xlim=(1.0, SECONDS), ylim=(-30.0, 180.0))
     axes.legend(frameon=False, loc="upper right")
-    args.output.mkdir(parents=True, exist_ok=True)
-    figure.savefig(args.output / "between_samples.png", dpi=110)
-    plt.close(figure)
+    save(figure, args.output / "between_samples.png", 110)
 
 
 def drive(how: RowSettings) -> tuple[Array, Array]:

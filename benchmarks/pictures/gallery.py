@@ -73,7 +73,7 @@ class Args:
     """Which loops to film."""
 
     loops: tuple[str, ...] = field(default_factory=lambda: tuple(LOOPS))
-    """Their names; of robots that are not the project's own only when asked for."""
+    """Their names; of robots that are not the project's own only by name."""
     size: tuple[int, int] = SIZE
     """Of a picture [pixels]."""
     output: Path = Path("docs/images/gallery")
@@ -118,16 +118,18 @@ def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], f
     return pictures, least
 
 
-def save(path: Path, pictures: list[Image.Image]) -> None:
-    """Write pictures as a WebP file that starts over without end."""
-    pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
+def save(
+    path: Path, pictures: list[Image.Image], steps: int = STEPS, quality: int = QUALITY
+) -> None:
+    """Write pictures that are some control steps apart as a WebP file, played without end."""
+    pause = round(1000 * steps * CONTROL_DT / SPEED)  # [ms]
     pictures[0].save(
         path,
         save_all=True,
         append_images=pictures[1:],
         duration=[*[pause] * (len(pictures) - 1), 1500],
         loop=0,
-        quality=QUALITY,
+        quality=quality,
         method=4,
     )
 
@@ -141,7 +143,7 @@ def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
 def _captioned(
     frame: NDArray[np.uint8], size: tuple[int, int], time: float, h: float
 ) -> Image.Image:
-    """Return a frame of a size [pixels], over a line that says how near rank 1 is."""
+    """Return a frame of a size [pixels], over a line with the distance to rank 1."""
     picture = Image.new("RGB", (size[0], size[1] + _STRIP), "white")
     picture.paste(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=14)

@@ -13,7 +13,7 @@ import gymnasium as gym
 import joblib
 import numpy as np
 
-from benchmarks.strict.faults import FAULTS
+from benchmarks.command_tracking import WRAPPERS
 from hcbf_gym import wrappers
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.tables import Table
@@ -63,7 +63,7 @@ def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
     seen = {"episodes": 0, "falls": 0, "qp_failures": 0, "BACKUP": 0, "refused": 0}
     left = seconds
     while left > 0.0:
-        fault = list(FAULTS.values())[(len(memory) // EPISODES_PER_ENV) % len(FAULTS)]
+        fault = list(WRAPPERS.values())[(len(memory) // EPISODES_PER_ENV) % len(WRAPPERS)]
         inner = gym.make("HCBF-A1Regions-v0", scenario="random-moving", **CONDITIONS)
         inside = inner if fault is None else fault(inner)
         env = wrappers.SafetyFilter(inside, program="lex-cbf-qp", guidance="geodesic")
