@@ -1,14 +1,10 @@
 """Hostile policies on every model, with estimates that are off by as much as they declare.
 
-    python -m benchmarks.uncertain --steps 200000
-
 The error of the estimate lies within κσ in position, velocity and heading. It is constant, turns
 slowly, or jumps at each sample. A step counts as entered where a strict h of the true state is
 below zero at one of ten instants of its hold, under a calm status without a reason.
 """
 
-import argparse
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -255,34 +251,3 @@ def run(case: Case, error: str, steps: int, seed: int) -> Count:
         time += PERIOD
         fresh = (report["reason"] != 0) | (age >= EPISODE) | (low < -0.2)
     return Count(done, calm_steps, entered, least)
-
-
-def main() -> None:
-    """Print what became of the steps of every model and error."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=200_000, help="of all models together")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    every = cases()
-    share = -(-asked.steps // (len(every) * len(ERRORS)))
-    total = Count(0, 0, 0, np.inf)
-    print(f"{'model':20}{'error':12}{'steps':>8}{'calm':>8}{'entered':>9}{'least h':>10}")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for name, case in every.items():
-            for error in ERRORS:
-                one = run(case, error, share, asked.seed)
-                print(
-                    f"{name:20}{error:12}{one.steps:8}{one.calm:8}{one.entered:9}{one.least:10.4f}"
-                )
-                total = Count(
-                    total.steps + one.steps,
-                    total.calm + one.calm,
-                    total.entered + one.entered,
-                    min(total.least, one.least),
-                )
-    print(f"{'all':32}{total.steps:8}{total.calm:8}{total.entered:9}{total.least:10.4f}")
-
-
-if __name__ == "__main__":
-    main()

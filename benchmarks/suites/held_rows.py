@@ -8,10 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
-import joblib
 import numpy as np
-from rich.console import Console
 
+from benchmarks.common import parallel, table
 from benchmarks.random_conflicts import advance
 from hcbf_gym import wrappers
 from hcbf_gym.arrays import Array, Mask
@@ -109,39 +108,28 @@ POLICIES: dict[str, Callable[[Situation], Array]] = {
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Run every policy under held rows, and PD under the usual ones; print and return figures."""
-    episodes = 50 if quick else 1000
+    """Run every policy under held rows, and PD under the usual ones; return figures."""
     cases = [
-        (family, policy, rows)
+        (family, policy, rows, 50 if quick else 1000)
         for family in ("random", "random-moving")
         for policy in POLICIES
         for rows in (SETTINGS if policy == "pd" else ("held",))
     ]
-    walk = joblib.delayed(walk_all)
-    results: Any = joblib.Parallel(n_jobs=-1)(walk(*case, episodes) for case in cases)
-    figures = {"held_rows": list(results)}
-    Console(width=160).print(tables(figures)["held-rows"].rich())
-    return figures
+    return {"held_rows": parallel(walk_all, cases)}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the one table: a line for each family of scenes, policy and kind of rows."""
     results = figures["held_rows"]
     title = f"lex-cbf-qp, {results[0]['episodes']} scenes a row, 20 s each, looked at at 1 kHz"
-    header = (
-        "scenes", "policy", "rows", f"strict barrier below 0 ({BOUNDED})", "least strict h [mm]",
-        "least h of speed [mm/s]", "VIOLATED", "BACKUP", "goals",
-    )  # fmt: skip
-    lines = [
-        (
-            r["scenes"], r["policy"], r["rows"], counted(r["entered"], r["episodes"]),
-            f"{1e3 * r['least_h']:+.3f}",
-            f"{1e3 * r['least_speed_h']:+.3f}", str(r["violated"]), str(r["backup"]),
-            f"{r['goals']:.1%}",
-        )
-        for r in results
-    ]  # fmt: skip
-    return {"held-rows": Table(title, header, lines)}
+    columns = {
+        "scenes": "{scenes}", "policy": "{policy}", "rows": "{rows}",
+        f"strict barrier below 0 ({BOUNDED})": lambda r: counted(r["entered"], r["episodes"]),
+        "least strict h [mm]": lambda r: f"{1e3 * r['least_h']:+.3f}",
+        "least h of speed [mm/s]": lambda r: f"{1e3 * r['least_speed_h']:+.3f}",
+        "VIOLATED": "{violated}", "BACKUP": "{backup}", "goals": "{goals:.1%}",
+    }  # fmt: skip
+    return {"held-rows": table(title, results, columns)}
 
 
 def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any]:
@@ -160,11 +148,11 @@ def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, An
     for _ in range(MAX_EPISODE_STEPS):
         now.look(observation, info)
         observation, _, _, _, info = env.step(POLICIES[policy](now))
-        said, x = info["safety_filter"], now.x
-        violated |= said["status"] == FilterStatus.VIOLATED
-        backup += int((said["status"] == FilterStatus.BACKUP).sum())
+        report, x = info["safety_filter"], now.x
+        violated |= report["status"] == FilterStatus.VIOLATED
+        backup += int((report["status"] == FilterStatus.BACKUP).sum())
         advance(
-            barriers.kind, barriers.parameters, x, now.t, said["u_safe"], CONTROL_DT, LOOKS,
+            barriers.kind, barriers.parameters, x, now.t, report["u_safe"], CONTROL_DT, LOOKS,
             least, inside,
         )  # fmt: skip
         gap = max(gap, float(np.abs(x - inner.rom_state).max()))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.judges import squares
-from benchmarks.suites import proposition
+from benchmarks import proposition
 from hcbf_gym.maps import Grid
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 
