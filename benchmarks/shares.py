@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.common import median
 from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
@@ -95,10 +96,4 @@ def shares() -> list[dict[str, Any]]:
 
 def _time(call: Callable[[], Any]) -> float:
     """Return a call's median time [µs]."""
-    times = np.empty(ROUNDS)
-    for k in range(ROUNDS):
-        start = time.perf_counter()
-        for _ in range(CALLS):
-            call()
-        times[k] = time.perf_counter() - start
-    return 1e6 * float(np.median(times)) / CALLS
+    return median(lambda: [call() for _ in range(CALLS)], ROUNDS, time.perf_counter) / CALLS
