@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 
+from benchmarks.common import parallel, table
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import CbfRows, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError
@@ -54,16 +54,15 @@ def run(quick: bool) -> dict[str, Any]:
 def maze(episodes: int, training: int) -> list[dict[str, Any]]:
     """Drive the ball of PointMaze by each policy, with the filter and without it."""
     cells = [(maze, policy) for maze in MAZES for policy in ("random", "goal")]
-    cells.append(("UMaze", "ppo"))
     with tempfile.TemporaryDirectory() as folder:
         trained = Path(folder) / "ppo"
         _train("PointMaze_UMazeDense-v3", training, trained)
-        roll = joblib.delayed(_cell)
         jobs = (
-            roll(*cell, with_it, episodes, trained) for cell in cells for with_it in (True, False)
+            (*cell, filtered, episodes, trained)
+            for cell in (*cells, ("UMaze", "ppo"))
+            for filtered in (True, False)
         )
-        results: Any = joblib.Parallel(n_jobs=-1)(jobs)
-    return list(results)
+        return parallel(_cell, jobs)
 
 
 def _train(name: str, steps: int, path: Path) -> None:
@@ -309,50 +308,33 @@ def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator)
     return False
 
 
-def _of(entered: int, episodes: int) -> str:
-    return f"{entered} of {episodes} ({at_most(entered, episodes)})"
-
-
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables of the maze and of the models."""
-    mazes = [
-        (
-            r["maze"], r["policy"], "yes" if r["filtered"] else "no",
-            _of(r["touched"], r["episodes"]), str(r["contacts"]),
-            f"{r['arrived'] / r['episodes']:.0%}", f"{r['us']:.0f}",
-        )
-        for r in figures["maze"]
-    ]  # fmt: skip
+
+    def of(entered: int, episodes: int) -> str:
+        return f"{entered} of {episodes} ({at_most(entered, episodes)})"
+
+    mazes = {
+        "maze": "{maze}", "policy": "{policy}",
+        "filter": lambda r: "yes" if r["filtered"] else "no",
+        f"episodes with contact ({BOUNDED})": lambda r: of(r["touched"], r["episodes"]),
+        "contacts": "{contacts}", "arrived": lambda r: f"{r['arrived'] / r['episodes']:.0%}",
+        "µs": "{us:.0f}",
+    }  # fmt: skip
     p, c, a = figures["pendulum"], figures["unicycle"], figures["arm"]
     angle = f"angle {p['farthest']:.6f} of {p['limit']} rad; {p['kernel']:.1%} of the kernel"
     lower = f"{a['entered'][1]} and {a['entered'][2]} entered ranks 2 and 3; {a['reached']} reached"
     conflicts = f"{a['conflicts']} conflicts, {a['needless']} of them needless"
     slower = "–" if a["us_conflict"] is None else f"{a['us_conflict']:.0f}"
+    gap, us = f"least gap {1e3 * c['least']:.1f} mm", f"{a['us']:.0f}, in conflict {slower}"
     models = [
-        ("pendulum", _of(p["left"], p["episodes"]), angle, f"{p['us']:.0f}"),
-        (
-            "unicycle", _of(c["entered"], c["episodes"]),
-            f"least gap {1e3 * c['least']:.1f} mm", f"{c['us']:.0f}",
-        ),
-        (
-            "arm", _of(a["entered"][0], a["targets"]), f"{lower}; {conflicts}",
-            f"{a['us']:.0f}, in conflict {slower}",
-        ),
-    ]  # fmt: skip
-    header = (
-        "maze",
-        "policy",
-        "filter",
-        f"episodes with contact ({BOUNDED})",
-        "contacts",
-        "arrived",
-        "µs",
-    )
+        ("pendulum", of(p["left"], p["episodes"]), angle, f"{p['us']:.0f}"),
+        ("unicycle", of(c["entered"], c["episodes"]), gap, f"{c['us']:.0f}"),
+        ("arm", of(a["entered"][0], a["targets"]), f"{lower}; {conflicts}", us),
+    ]
+    header = ("model", f"strict violations ({BOUNDED})", "beside", "µs a step")
+    title = "Models behind the filter, hostile policies"
     return {
-        "foreign-maze": Table("PointMaze: the ball and the walls", header, mazes),
-        "foreign-models": Table(
-            "Models behind the filter, hostile policies",
-            ("model", f"strict violations ({BOUNDED})", "beside", "µs a step"),
-            models,
-        ),
+        "foreign-maze": table("PointMaze: the ball and the walls", figures["maze"], mazes),
+        "foreign-models": Table(title, header, models),
     }

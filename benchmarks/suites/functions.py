@@ -3,6 +3,7 @@
 One core, processor time, medians. cbfpy takes turns with one call of rows for four functions.
 """
 
+import functools
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -96,21 +97,18 @@ def one_call(rounds: int) -> dict[str, float]:
     return {"rows": ours, "cbfpy": cbfpy}
 
 
-def own(rounds: int) -> list[dict[str, float]]:
+def own(rounds: int) -> list[dict[str, Any]]:
     """Return the time of rows of a disc in Python beside that of the built-in one [µs a state]."""
-    figures = []
+    figures: list[dict[str, Any]] = []
     for count in (1, 256):
         x = np.random.default_rng(0).uniform(1.0, 3.0, (count, 4))
         held = RowSettings(period=0.02, u_max=7.1)
-        times = [
-            median(lambda: planar_rows(scenes, x, np.zeros(count), held), rounds, time.thread_time)
-            / count  # noqa: B023
-            for scenes in (
-                BarrierSet([[kind("disc", 1)]] * count)
-                for kind in (Round, lambda name, rank: Disc(name, rank, (0.0, 0.0), 1.0))
-            )
-        ]
-        figures.append({"states": count, "own": times[0], "built_in": times[1]})
+        figures.append({"states": count})
+        built_in = Disc("disc", 1, (0.0, 0.0), 1.0)
+        for name, disc in (("own", Round("disc", 1)), ("built_in", built_in)):
+            scenes = BarrierSet([[disc]] * count)
+            call = functools.partial(planar_rows, scenes, x, np.zeros(count), held)
+            figures[-1][name] = median(call, rounds, time.thread_time) / count
     return figures
 
 

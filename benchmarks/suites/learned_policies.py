@@ -96,7 +96,7 @@ def rom_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
 
 
 def figures_of(of: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return the figures of a cell from what its N episodes recorded, as their summaries name it."""
+    """Return the figures of a cell from (N, …) entries of its episodes' summaries."""
     least, inside = (of[key][:, : len(PRIORITY)] for key in ("min_h", "violation_seconds"))
     depth = np.maximum(-np.column_stack([least[:, rank].min(axis=1) for rank in _OF]), 0.0)
     time_in = np.column_stack([inside[:, rank].sum(axis=1) for rank in _OF])

@@ -15,6 +15,7 @@ import numpy as np
 import viser
 from websockets.sync.client import connect
 
+from benchmarks.common import table
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.play.page import Page
 from hcbf_gym.play.session import Session
@@ -81,15 +82,13 @@ def run(quick: bool) -> dict[str, Any]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of pace, updates and memory."""
-    rows = [
-        (name, f"{row['pace']:.2f} x", f"{row['updates']:.0f} /s", f"{row['memory']:.0f} MB")
-        for name, row in [
-            *((f"period {k + 1}", row) for k, row in enumerate(figures["rows"])),
-            ("as fast as it can", figures["free"]),
-        ]
-    ]
-    header = ("on the clock", "simulated time", "updates sent", "most memory so far")
-    return {"all": Table(f"the playground, drawn by {figures['browser']}", header, rows)}
+    rows = [{"name": f"period {k + 1}"} | row for k, row in enumerate(figures["rows"])]
+    rows.append({"name": "as fast as it can"} | figures["free"])
+    columns = {
+        "on the clock": "{name}", "simulated time": "{pace:.2f} x",
+        "updates sent": "{updates:.0f} /s", "most memory so far": "{memory:.0f} MB",
+    }  # fmt: skip
+    return {"all": table(f"the playground, drawn by {figures['browser']}", rows, columns)}
 
 
 def _play(session: Session, duration: float, reader: Reader, seed: int) -> dict[str, float]:

@@ -153,13 +153,10 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     ]
     solvers = [{"name": name} | times for name, times in figures["solvers"].items()]
     by_solver = {"program": "`{name}`"} | {key: f"{{{key}:.0f}}" for key in list(solvers[0])[1:]}
+    of_peers = {"filter": "{name}", "a filtered action": "{time:.1f}"}
     peers = [{"name": name, "time": time} for name, time in figures["peers"].items()]
     return {
         "programs": table("A filtered action, 4 rows, rows included: medians", programs, columns),
         "solvers": table("The same through a QP solver [µs]", solvers, by_solver),
-        "peers": table(
-            "In turn with peers [µs]",
-            peers,
-            {"filter": "{name}", "a filtered action": "{time:.1f}"},
-        ),
+        "peers": table("In turn with peers [µs]", peers, of_peers),
     }

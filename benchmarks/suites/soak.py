@@ -4,16 +4,15 @@ import contextlib
 import copy
 import functools
 import resource
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import joblib
 import numpy as np
 
 from benchmarks.command_tracking import WRAPPERS
+from benchmarks.common import parallel, table
 from hcbf_gym import wrappers
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.tables import Table
@@ -44,9 +43,7 @@ BAD_ACTIONS: tuple[Any, ...] = (np.full(2, np.nan), np.zeros(3), "ab", {}, None,
 def run(quick: bool) -> dict[str, Any]:
     """Let both environments run, each in a process, and return the memory that it held."""
     seconds = SECONDS / 60.0 if quick else SECONDS
-    both = (joblib.delayed(walk)(seconds) for walk in (a1, native))
-    walked: Any = joblib.Parallel(n_jobs=2)(both)
-    on_robot, on_model = walked
+    on_robot, on_model = parallel(_walk, ((walk, seconds) for walk in (a1, native)), workers=2)
     return {
         "seconds": seconds,
         "soak": [
@@ -54,6 +51,10 @@ def run(quick: bool) -> dict[str, Any]:
             {"what": f"reduced order, {COPIES} at once"} | _summary(*on_model),
         ],
     }
+
+
+def _walk(walk: Callable[[float], Any], seconds: float) -> Any:
+    return walk(seconds)
 
 
 def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
@@ -90,9 +91,7 @@ def _episode(env: gym.Env, rng: np.random.Generator, left: float, seen: dict[str
             action = BAD_ACTIONS[rng.integers(len(BAD_ACTIONS))]
             bad = functools.partial(env.step, action), functools.partial(copy.deepcopy, inner)
             seen["refused"] += sum(map(_refused, bad))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the monitor's, of the fault inside
-            _, _, terminated, truncated, info = env.step(u)
+        _, _, terminated, truncated, info = env.step(u)
         seen["BACKUP"] += int(info["safety_filter"]["status"] == FilterStatus.BACKUP)
         ended = terminated or truncated
     seen["episodes"] += 1
@@ -149,18 +148,12 @@ def _summary(memory: list[float], seen: dict[str, int]) -> dict[str, Any]:
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the table of memory and of what happened on the way."""
-    header = (
-        "", "episodes", "after 10 % [MB]", "50 %", "100 %", "largest", "falls", "BACKUP steps",
-        "QP failures", "bad input refused",
-    )  # fmt: skip
-    rows = [
-        (
-            row["what"], str(row["episodes"]), *(f"{value:.1f}" for value in row["memory"]),
-            f"{row['largest']:.1f}", str(row["falls"]), str(row["BACKUP"]),
-            str(row["qp_failures"]), str(row["refused"]),
-        )
-        for row in figures["soak"]
-    ]  # fmt: skip
+    """Return the table of memory and of what happened meanwhile."""
+    columns = {
+        "": "{what}", "episodes": "{episodes}", "after 10 % [MB]": "{memory[0]:.1f}",
+        "50 %": "{memory[1]:.1f}", "100 %": "{memory[2]:.1f}", "largest": "{largest:.1f}",
+        "falls": "{falls}", "BACKUP steps": "{BACKUP}", "QP failures": "{qp_failures}",
+        "bad input refused": "{refused}",
+    }  # fmt: skip
     title = f"{figures['seconds']:.0f} s of simulated time, with resets and faults"
-    return {"memory": Table(title, header, rows)}
+    return {"memory": table(title, figures["soak"], columns)}

@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
+from benchmarks.common import table
 from benchmarks.judges.judge import Judge
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
@@ -216,15 +217,13 @@ def run(quick: bool) -> dict[str, Any]:
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tallies of every program in every form."""
     rows = [
-        (
-            f"`{name}`",
-            form,
-            f"{tally['problems']:,}",
-            f"{tally['largest_difference']:.1e}",
-            *(f"{tally[key]:,}" for key in ("wrong", "backups", "fallbacks")),
-        )
+        {"program": name, "form": form} | tally
         for name, forms in figures.items()
         for form, tally in forms.items()
     ]
-    header = ("program", "form", "problems", "max |Δu|", "wrong", "BACKUP", "fallbacks")
-    return {"all": Table("Against rational arithmetic", header, rows)}
+    columns = {
+        "program": "`{program}`", "form": "{form}", "problems": "{problems:,}",
+        "max |Δu|": "{largest_difference:.1e}", "wrong": "{wrong:,}", "BACKUP": "{backups:,}",
+        "fallbacks": "{fallbacks:,}",
+    }  # fmt: skip
+    return {"all": table("Against rational arithmetic", rows, columns)}
