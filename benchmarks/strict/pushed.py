@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.common import table
 from hcbf_gym import policies, wrappers
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS
@@ -121,19 +122,13 @@ def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
     }
 
 
-def table(rows: Sequence[dict[str, Any]]) -> Table:
+def tables(rows: Sequence[dict[str, Any]]) -> Table:
     """Return the table of all programs."""
-    header = (
-        "program", "pushes", "pushed in", "deepest [m]", "steps inside", "of these UNSAFE",
-        "median time inside [s]", "longest [s]", f"longer than {OUT_WITHIN} s", "falls",
-    )  # fmt: skip
-    cells = [
-        (
-            row["program"], str(row["pushes"]), str(row["entered"]), f"{row['deepest']:.2f}",
-            str(row["steps_inside"]), str(row["told"]), f"{row['median']:.2f}",
-            f"{row['longest']:.2f}", str(row["late"]), str(row["falls"]),
-        )
-        for row in rows
-    ]  # fmt: skip
+    columns = {
+        "program": "{program}", "pushes": "{pushes}", "pushed in": "{entered}",
+        "deepest [m]": "{deepest:.2f}", "steps inside": "{steps_inside}",
+        "of these UNSAFE": "{told}", "median time inside [s]": "{median:.2f}",
+        "longest [s]": "{longest:.2f}", f"longer than {OUT_WITHIN} s": "{late}", "falls": "{falls}",
+    }  # fmt: skip
     title = f"{IMPULSE[0]:.0f} to {IMPULSE[1]:.0f} N·s within {100 * NEAR:.0f} cm of an edge"
-    return Table(title, header, cells)
+    return table(title, rows, columns)
