@@ -1,7 +1,7 @@
 """Attacks on the A1 with one argument that a certificate leaves out: what `tested.json` rests on.
 
 ``python -m benchmarks.alone`` prints a line for each end of a range that was tested alone. Finished
-episodes are kept in ``results/alone``: a run that was interrupted goes on where it stopped.
+episodes are kept in ``results/alone``: a run that was interrupted continues there.
 """
 
 from pathlib import Path

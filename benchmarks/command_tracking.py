@@ -34,7 +34,7 @@ ROBOTS = {
     "berkeley_humanoid": f"{CONTRACTS}/berkeley_humanoid.json",
     "a1": None,
 }
-"""Contracts; the A1, which follows accelerations, has an environment and alarms of its own."""
+"""Contracts; the A1, which follows accelerations, has its own environment and alarms."""
 POLICIES = (*ATTACKS, "pd")
 FAMILIES = ("random", "random-moving")
 SEED, UNDISTURBED_SEED, LOOP_SEED, SHARE_SEED = 9_310_000, 9_720_000, 9_810_000, 9_910_000

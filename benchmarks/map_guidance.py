@@ -247,7 +247,7 @@ def corridors_part(count: int) -> Table:
     rows: list[dict[str, Any]] = []
     for degrees in (0.0, 30.0, 45.0):
         floor, (start, goal) = corridor(np.radians(degrees))
-        ends = (start[0], start[1]), (goal[0], goal[1])
+        ends: Any = (start[0], start[1]), (goal[0], goal[1])
         walked = [walk(floor, "rom", *pair) for pair in (ends, ends[::-1])[: min(count, 2)]]
         took = float(np.mean([one.seconds for one in walked]))
         straight = rows[0]["took"] if rows else took

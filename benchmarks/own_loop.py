@@ -194,7 +194,7 @@ def loop(
 
 def drive(
     known: Any,
-    barriers: Sequence[Barrier],
+    barriers: Sequence[Any],
     planner: Planner,
     seconds: float,
     body: Any = None,
@@ -216,7 +216,8 @@ def drive(
         options: further arguments of the filter.
         of_loop: further arguments of `loop`.
     """
-    safe = VelocityFilter(known, barriers, **({"period": LONGEST} | dict(options or {})))
+    of_filter: dict[str, Any] = {"period": LONGEST} | dict(options or {})
+    safe = VelocityFilter(known, barriers, **of_filter)
     robot = Moving(known if body is None else body, np.zeros(3) if start is None else start, seed)
     return loop(safe, robot, planner, known.reach, seconds, seed=seed, **of_loop)
 

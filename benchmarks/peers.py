@@ -1,7 +1,7 @@
 """What others offer for the same job, as calls to be timed; needs the extra `benchmark`.
 
 cbfpy runs at its best: ElastiQP solves, which its README calls much faster than qpax on a CPU, to
-the tolerance that it asks for, in 64 bit, with one thread each for Eigen and BLAS. JAX reads that
+the tolerance that it requires, in 64 bit, with one thread each for Eigen and BLAS. JAX reads that
 before its first computation, so this module is imported before anything uses JAX.
 """
 

@@ -206,7 +206,7 @@ def region(kind: int, rng: np.random.Generator, moving: bool) -> tuple[Any, Arra
 
 
 def covariance(known: str, t: float, size: float, shape: Array) -> Array:
-    """Return P (4, 4) of the state at the time t, whose own errors grow as its model says."""
+    """Return P (4, 4) of the state at the time t, whose own errors grow as in its model."""
     out = np.zeros((4, 4))
     if known == "exact":
         return out

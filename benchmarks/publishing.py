@@ -1,8 +1,8 @@
 """Figures that cannot go stale: kept with what they came from, and the pages filled from them.
 
 ``docs/results/SUITE.json`` holds a suite's figures with the command, the commit, the date, the
-machine and the hash of the sources that they depend on. A page says where a table goes, and
-nothing else::
+machine and the hash of the sources that they depend on. A page marks the place of a table,
+and nothing else::
 
     <!-- results: SUITE/TABLE -->
     <!-- end of results -->

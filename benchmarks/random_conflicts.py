@@ -194,7 +194,7 @@ def advance(
 
 
 def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what a table says of the episodes of one policy, program and kind of rows.
+    """Return what a table has of the episodes of one policy, program and kind of rows.
 
     `entered` (share of the episodes that did not wake in it), `depth` (mean of those that were in
     it [m]) and `seconds` (mean over all [s]) have one entry for each priority;

@@ -1,4 +1,4 @@
-"""Whether filters say bit for bit what they said at another commit, from the same seeds.
+"""Whether filters report bit for bit what they did at another commit, from the same seeds.
 
 ``python benchmarks/same_bits.py record FILE`` drives filtered environments and writes trajectories
 and reports; run it with `PYTHONPATH` at each of two checkouts, then ``compare ONE OTHER`` lists
@@ -26,7 +26,6 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 
 Array = NDArray[np.float64]
-Said = dict[str, list[Array]]
 PERIOD = 0.05
 REGIONS = "HCBF-Regions-v0"
 
@@ -123,7 +122,7 @@ PROGRAMS = ("lex-cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp")
 
 
 def drive(make: Callable[[], gym.Env], steps: int, seed: int) -> Iterator[dict[str, Array]]:
-    """Yield what an episode says at each step, under inputs that are drawn for a while each."""
+    """Yield what an episode reports at each step, under inputs that are drawn for a while each."""
     program = PROGRAMS[seed % len(PROGRAMS)]
     env = hcbf_gym.wrappers.SafetyFilter(make(), program=program, allow_late_inputs=True)
     rng = np.random.default_rng(seed)
@@ -140,14 +139,14 @@ def drive(make: Callable[[], gym.Env], steps: int, seed: int) -> Iterator[dict[s
 
 
 def record(command: Record) -> None:
-    """Write what every family says."""
+    """Write what every family reports."""
     stored: dict[str, Array] = {}
     for family in command.only or FAMILIES:
         make, steps = FAMILIES[family]
         for seed in range(command.episodes):
-            told = list(drive(make, steps, seed))
-            for key in told[0]:
-                stored[f"{family}/{seed}/{key}"] = np.array([one[key] for one in told])
+            reported = list(drive(make, steps, seed))
+            for key in reported[0]:
+                stored[f"{family}/{seed}/{key}"] = np.array([one[key] for one in reported])
         print(family, command.episodes, flush=True)
     np.savez_compressed(command.file, allow_pickle=False, **stored)
 

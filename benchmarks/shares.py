@@ -1,4 +1,4 @@
-"""Where the time goes that `SafetyFilter` adds to a step: each part by itself, in its own loop.
+"""Where the time goes that `SafetyFilter` adds to a step: each part alone, in its own loop.
 
 Inside a user's loop every part takes longer, since the environment has filled the caches with other
 things in between; `benchmarks.suites.filter` has that sum.

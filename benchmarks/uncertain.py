@@ -38,7 +38,7 @@ CAP = SpeedLimit("cap", 1, 1.2)
 
 
 class Case(NamedTuple):
-    """A model with its conditions and what is not known of its state."""
+    """A model with its conditions and the uncertainty of its state."""
 
     model: ReducedOrderModel  # ẋ = f(x) + g(x)u
     limits: tuple[float, ...]  # (n_u,) the largest inputs
@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
 
 def boat() -> models.ControlAffine:
-    """Return a boat of its own f and g, with other drag ahead than aside."""
+    """Return a boat with f and g, with other drag ahead than aside."""
     return models.ControlAffine(
         lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
         lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),

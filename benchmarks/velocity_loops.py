@@ -23,7 +23,7 @@ LOST = 0.1  # Share of the messages that never come
 
 
 class Cart:
-    """A simulated robot that is told commands at any time and says where it is."""
+    """A simulated robot that takes commands at any time and reports where it is."""
 
     def __init__(self, walker: Walker):
         self.walker, self.physics = walker, WalkerPhysics(walker)
@@ -50,7 +50,7 @@ class Cart:
         self.physics.base(self._base[0])
         return tracked(self._base, 0.0)[0]
 
-    def says(self) -> tuple[Array, Array]:
+    def odometry(self) -> tuple[Array, Array]:
         """Return pose and twist as odometry has them."""
         qpos, qvel, yaw = self.physics.data.qpos, self.physics.data.qvel, self.physics.yaw
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -93,7 +93,7 @@ class LoopEpisode:
         cart = Cart(Walker.load(self.robot))
         cart.start(np.array(scene.start), rng)
         period = (1.0 + JITTER) / self.rate
-        door = VelocityFilter(
+        safe = VelocityFilter(
             cart.walker, scene.barriers, period=period, v_max=self.v_max, radius=0.0
         )
         barriers = BarrierSet([scene.barriers])
@@ -106,14 +106,14 @@ class LoopEpisode:
             if cart.time == 0.0 or rng.random() >= self.lost:
                 wanted = attack.act(_seen(barriers, strict, state, cart.time))
                 command = cart.towards(wanted, cart.walker.command.forward)
-                _, told = door.step(command, *cart.says(), cart.time)
-                counts[int(told["status"])] += 1
-                alarm = max(alarm, alarm_of({"safety_filter": told}))
-                margins.append(float(told["margin"][strict].max()))
-                changed = changed or bool(told["intervention"] > 1e-3)
+                _, report = safe.step(command, *cart.odometry(), cart.time)
+                counts[int(report["status"])] += 1
+                alarm = max(alarm, alarm_of({"safety_filter": report}))
+                margins.append(float(report["margin"][strict].max()))
+                changed = changed or bool(report["intervention"] > 1e-3)
             end = cart.time + rng.uniform(1.0 - JITTER, 1.0 + JITTER) / self.rate
             while cart.time < end:  # the robot's own loop is faster than messages
-                state = cart.step(door.command_at(cart.time))
+                state = cart.step(safe.command_at(cart.time))
                 least = np.minimum(least, barriers.values(state[None], np.array([cart.time]))[0])
                 speed_left = min(speed_left, self.v_max - float(np.hypot(*state[2:])))
         second = barriers.priority[0] == 2

@@ -3,8 +3,8 @@
 ``python -m benchmarks.walkers --part hostile --robots cart go1`` runs a part and prints its table;
 the suite `walkers` runs them all, on the robots whose files are there.
 
-Finished episodes are kept in ``results/walkers``. A run that was interrupted goes on where it
-stopped, as long as the sources and the robot's files are the same.
+Finished episodes are kept in ``results/walkers``. An interrupted run continues there, as
+long as the sources and the robot's files are the same.
 """
 
 import importlib.util
@@ -161,7 +161,7 @@ HEADER = (
 
 def run(quick: bool) -> dict[str, Any]:
     """Return the tables of every part: cells of text."""
-    robots = tuple(NAMES)[:2] if quick else _at_hand()
+    robots = tuple(NAMES)[:2] if quick else _installed()
     tables = [table(part, robots, 2 if quick else None) for part in EPISODES]
     contracts = {robot: ROBOTS[robot].contract for robot in robots}
     tables.append(tracking(contracts, 5.0 if quick else 60.0))
@@ -176,7 +176,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     return {name: Table(**one) for name, one in figures.items()}
 
 
-def _at_hand() -> tuple[str, ...]:
+def _installed() -> tuple[str, ...]:
     """Return the robots whose files are on this machine."""
     found = ["cart", "holonomic-cart"]
     if os.environ.get("HCBF_DATA"):

@@ -83,7 +83,7 @@ class Region:
         return u if lambda_u > 0.0 else self.pin(chosen, u).nearest()
 
     def relaxed(self, rows: Rows, lambda_u: float) -> Rationals:
-        """Return u of the least ``λ_u ‖u − u*‖² + Σ w_k max(δ_min, b_k − a_k u)²``, likewise."""
+        """Return u of the least ``λ_u ‖u − u*‖² + Σ w_k max(δ_min, b_k − a_k u)²``."""
         chosen = rows.only(rows.weight > 0.0)
         u = self._soft(chosen, lambda_u)
         if lambda_u > 0.0:

@@ -39,6 +39,7 @@ def scene_picture(path: Path) -> None:
 def map_picture(path: Path) -> None:
     """Draw the field of a floor plan, its level lines, and a path down it."""
     scenario = scenarios.make("map-flat", np.random.default_rng(3))
+    assert scenario.map is not None
     figure, axes = plt.subplots(figsize=(8.0, 6.0))
     draw_map(axes, scenario.map)
     _field(axes, scenario)
@@ -90,11 +91,12 @@ def walk(scenario: Scenario, kind: str | None, until: float) -> Array:
 def _field(axes: Any, scenario: Scenario) -> None:
     """Draw the level lines of the field of a scene or its map, and the path down from the start."""
     guide = guidance.Geodesic()
-    clearance = {} if scenario.map is None else {"clearance": 0.3}
-    guide.reset(scenario.conditions, scenario.goal, start=scenario.start, **clearance)
+    clearance = 0.0 if scenario.map is None else 0.3
+    guide.reset(scenario.conditions, scenario.goal, None, clearance, start=scenario.start)
     geometry, goal = guide.geometry[0], guide.goal[0]
     values = fields.grid(guide.field[0], geometry)
-    x, y = fields.to_world(*np.indices(values.shape), geometry)
+    rows, columns = np.indices(values.shape)
+    x, y = fields.to_world(rows, columns, geometry)
     seen = np.where(np.isfinite(values), values, np.nan)
     axes.contour(x, y, seen, levels=np.arange(0.0, 40.0, 0.5), colors="0.35", linewidths=0.5)
     points = [np.array(scenario.start)]

@@ -51,38 +51,38 @@ def turn(case: Case, s: Hold) -> tuple[Array, Array, Array, Array]:
 def lemma_3(case: Case, z: Array) -> Array:
     """Check: D·r̄ T ≥ d̄ ‖D‖²."""
     s = hold(case, z)
-    bent, d, d_end, _ = turn(case, s)
+    change, d, d_end, _ = turn(case, s)
     span = period(case)
-    slack = (bent * (s.r * span + 0.5 * s.u * span**2)).sum(1) - 0.5 * (d + d_end) * (bent**2).sum(
-        1
-    )
+    slack = (change * (s.r * span + 0.5 * s.u * span**2)).sum(1) - 0.5 * (d + d_end) * (
+        change**2
+    ).sum(1)
     return np.where((d >= 0.0) & (d_end >= 0.0), slack, np.nan)
 
 
 def lemma_4(case: Case, z: Array) -> Array:
     """Check: D·r(T) ≥ −A."""
     s = hold(case, z)
-    bent, d, d_end, _ = turn(case, s)
+    change, d, d_end, _ = turn(case, s)
     loss = u_max(case) ** 2 * period(case) ** 3 / (8.0 * (d + d_end))
-    slack = (bent * (s.r + s.u * period(case))).sum(1) + loss
+    slack = (change * (s.r + s.u * period(case))).sum(1) + loss
     return np.where((d > 0.0) & (d_end > 0.0), slack, np.nan)
 
 
 def lemma_5(case: Case, z: Array) -> Array:
     """Check: D·r(T) ≥ −ν, of discs and ends of capsules."""
     s = hold(case, z)
-    bent, d, _d_end, reach = turn(case, s)
+    change, d, _d_end, reach = turn(case, s)
     span = period(case)
     loss = u_max(case) ** 2 * span**3 / (8.0 * (d + np.maximum(0.0, d - reach)))
     round_ = np.maximum(0.0, np.abs((s.r * across(s.n)).sum(1)) - 0.5 * u_max(case) * span)
     gain = d * round_ * np.sqrt(span / (d + reach) ** 3)
     if case.kind == "capsule":
         along = (s.h + case.c[2])[:, None] * s.n @ case.c[:2] / np.linalg.norm(case.c[:2])
-        gain[np.abs(along) < reach] = 0.0  # beside an end, n leans away from the segment by more
+        gain[np.abs(along) < reach] = 0.0  # beside an end, n points away from the segment by more
     if case.kind not in ("disc", "capsule"):
         gain = 0.0 * gain
     nu = loss - np.maximum(0.0, gain - np.sqrt(loss)) ** 2
-    return (bent * (s.r + s.u * span)).sum(1) + nu
+    return (change * (s.r + s.u * span)).sum(1) + nu
 
 
 def after(case: Case, s: Hold, extra: float) -> Array:

@@ -72,7 +72,7 @@ def lemma_7(case: Case, z: Array) -> Array:
 
 
 def a_stop(case: Case, z: Array) -> Array:
-    """Check: no row of a speed limit asks for more than ‖v‖²/(v_max T)."""
+    """Check: no row of a speed limit requires more than ‖v‖²/(v_max T)."""
     return speed(case, z, zone=False)[1]
 
 

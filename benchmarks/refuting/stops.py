@@ -23,7 +23,7 @@ from hcbf_gym.models.plant import Uncertainty
 
 
 def lemma_8(case: Case, z: Array) -> Array:
-    """Check: usual rows of standing regions ask for D at most, at ψ ≥ 0."""
+    """Check: usual rows of regions at rest require D at most, at ψ ≥ 0."""
     s = hold(case, z)
     alpha1, reserved = case.how.alpha1, np.stack([s.margin[0] + rounding(case), 0 * s.k, 0 * s.k])
     r = s.r - s.margin[1][:, None] * s.n
@@ -125,7 +125,7 @@ def lemma_13(case: Case, z: Array) -> Array:
 
 
 def lemma_13_usual(case: Case, z: Array) -> Array:
-    """Check: a stop under usual rows, of which lemma 1 says less than they take off."""
+    """Check: a stop under usual rows, whose reserve lemma 1 does not cover."""
     return stopping(case, z, held=False)
 
 

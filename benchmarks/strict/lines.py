@@ -41,7 +41,7 @@ PLANTS: dict[str, dict[str, Any]] = {
         },
     },
 }
-"""Plants that differ from what the filter and the controller believe."""
+"""Plants that differ from the models of the filter and the controller."""
 
 FIX: dict[str, Any] = {"estimation": {}}  # A position fix of 2 cm at 20 Hz, 40 ms late
 BODY: dict[str, Any] = {"body": "footprint"}

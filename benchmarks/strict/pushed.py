@@ -1,4 +1,4 @@
-"""Pushes into a strict region: whether the filter says so, and when the robot comes out."""
+"""Pushes into a strict region: whether the filter reports it, and when the robot comes out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class PushedEpisode:
     """What to run: the robot walks at the nearest strict edge, is pushed over it, and walks on."""
 
     program: str  # of the filter
-    policy: str  # that goes on from the push on
+    policy: str  # from the push on
     seed: int  # of the environment, and of the push's strength
 
     def run(self) -> "PushedOutcome":
@@ -68,12 +68,12 @@ class PushedEpisode:
             if ended:
                 break
         inside = np.flatnonzero(np.array(h) < 0.0)
-        told = np.array(status)[inside] == FilterStatus.UNSAFE
+        unsafe = np.array(status)[inside] == FilterStatus.UNSAFE
         return PushedOutcome(
             near=near,
             depth=max(0.0, -min(h)),
             inside=len(inside),
-            told=int(told.sum()),
+            reported=int(unsafe.sum()),
             seconds=0.02 * float(inside[-1] + 1 - inside[0]) if len(inside) else 0.0,
             fell=fell,
         )
@@ -86,7 +86,7 @@ class PushedOutcome:
     near: float  # distance from the edge when the push began [m]
     depth: float  # how deep the robot got [m]
     inside: int  # control steps that began inside a strict region
-    told: int  # those of them at which the filter said UNSAFE
+    reported: int  # those of them with the status UNSAFE
     seconds: float  # from the first of them to the end of the last [s]
     fell: bool  # whether the robot fell
 
@@ -106,7 +106,7 @@ def run(quick: bool, kept: Callable[..., Any]) -> list[dict[str, Any]]:
 
 
 def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
-    """Return what a row says of its pushes."""
+    """Return a row of its pushes."""
     seconds = [o.seconds for o in outcomes]
     return {
         "pushes": len(outcomes),
@@ -114,7 +114,7 @@ def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
         "entered": sum(o.inside > 0 for o in outcomes),
         "deepest": max(o.depth for o in outcomes),
         "steps_inside": sum(o.inside for o in outcomes),
-        "told": sum(o.told for o in outcomes),
+        "told": sum(o.reported for o in outcomes),
         "longest": max(seconds),
         "median": float(np.median([s for s in seconds if s > 0.0] or [0.0])),
         "late": sum(s > OUT_WITHIN for s in seconds),

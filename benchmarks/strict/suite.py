@@ -65,7 +65,7 @@ def outcomes(
 
 
 def summary(seen: Sequence[Outcome]) -> Group:
-    """Return what a line of the tables says of its episodes."""
+    """Return a line of the tables from its episodes."""
     least = np.array([o.least_h for o in seen])
     speed = np.array([o.least_speed_h for o in seen])
     second = np.array([o.least_second_h for o in seen])

@@ -28,7 +28,7 @@ REPETITIONS = 5
 BLOCK = 25, 5  # calls of a block, and those of them that warm caches and XLA's threads
 WANTED = np.array([0.5, 0.5])
 
-SHAPES = (  # At the origin the first two ask for opposite inputs; far away nothing binds
+SHAPES = (  # At the origin the first two require opposite inputs; far away nothing binds
     Disc("strict", 1, (-0.3, -0.2), 0.33),
     Disc("against it", 2, (0.3, 0.2), 0.8),
     HalfPlane("wall", 1, (-1.0, 0.0), -1.0),

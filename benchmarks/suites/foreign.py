@@ -284,7 +284,7 @@ def reach(module: Any, q: Array, target: Array) -> tuple[Array, float]:
 
 
 def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator) -> bool:
-    """Tell whether a small change of u violates some rank less and none above it more.
+    """Return whether a small change of u violates some rank less and none above it more.
 
     Changes are random ones, and the steepest descent of each rank's violation, both along what
     the binding rows of higher ranks leave free.

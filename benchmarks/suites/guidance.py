@@ -31,7 +31,7 @@ from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 FIRST_SEED = 10_000
 THROUGH = {"kind": "geodesic", "through": 2}
-"""Guidance to which the ranks from 2 on give way where there is no other way."""
+"""Guidance through the ranks from 2 on where there is no other path."""
 
 
 class Cell(NamedTuple):
@@ -167,7 +167,7 @@ def a1_episode(cell: Cell, seed: int) -> Outcome:
         observation, _, terminated, truncated, info = env.step(u_nominal)
         least = np.minimum(least, info["min_h"])
         x = inner.rom_state
-        distance = np.linalg.norm(x[:2] - scene.goal)
+        distance = np.array(np.linalg.norm(x[:2] - scene.goal), dtype=np.float64)
         deadlock.append(deadlocked(x[2:], u_nominal, distance, scene.goal_radius))
         change.append(np.linalg.norm(info["safety_filter"]["u_safe"] - without))
         reached, over = bool(distance <= scene.goal_radius), terminated or truncated

@@ -44,7 +44,7 @@ class Situation:
         self.sign, self.corner = np.ones(count), np.zeros((count, 2))
 
     def look(self, observation: Array, info: dict[str, Any]) -> None:
-        """Take in what the environment said last."""
+        """Take in what the environment returned last."""
         self.x, self.t = self._inner.rom_state, self._inner.time
         self.wanted = np.asarray(self._pd(observation, info), dtype=np.float64)
 

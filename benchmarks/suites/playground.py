@@ -45,7 +45,7 @@ class Reader(threading.Thread):
 
 
 def doze(port: int, stop: threading.Event) -> None:
-    """Connect, read nothing for a while, leave, and connect again, until told to stop."""
+    """Connect, read nothing for a while, leave, and connect again, until it is stopped."""
     while not stop.is_set():
         with _connection(port):
             stop.wait(NAP)
@@ -111,7 +111,7 @@ def _play(session: Session, duration: float, reader: Reader, seed: int) -> dict[
 
 
 def _connection(port: int) -> Any:
-    """Connect as a browser does; what is not read waits with the sender."""
+    """Connect as a browser does; the sender keeps unread messages."""
     protocol: Any = f"viser-v{viser.__version__}"
     return connect(
         f"ws://127.0.0.1:{port}",

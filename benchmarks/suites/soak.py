@@ -133,7 +133,7 @@ def native(seconds: float) -> tuple[list[float], dict[str, int]]:
 
 
 def resident() -> float:
-    """Return the memory that this process holds [MB]; its peak where the system tells no more."""
+    """Return the memory that this process holds [MB]; its peak where the system has no more."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.judges import squares
 from benchmarks import proposition
+from benchmarks.judges import squares
 from hcbf_gym.maps import Grid
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 

@@ -15,7 +15,7 @@ def test_a_corridor_is_walked_and_a_zone_left_by_the_way_that_the_field_shows():
     zoned = RankedMap(floor.grid, (*floor.classes, MapClass("zone", 2, "keepout", zone)))
     through = map_guidance.walk(floor, "rom", tuple(start), tuple(goal))
     assert through.arrived
-    assert (through.entered, through.out, through.way_out) == (False, 0.0, 0.0)
+    assert (through.entered, through.out, through.length) == (False, 0.0, 0.0)
     left = map_guidance.walk(zoned, "rom", tuple(start), tuple(goal), until_out=True)
-    assert left.way_out == pytest.approx(0.5, abs=0.1)
+    assert left.length == pytest.approx(0.5, abs=0.1)
     assert 0.0 < left.out < 5.0

@@ -66,7 +66,7 @@ def test_results_say_what_they_came_from_and_are_listed_when_their_sources_chang
     assert publishing.stale(checkout) == ["course"]
 
 
-def test_a_page_that_names_what_is_not_there_is_refused_and_no_page_changes(checkout):
+def test_a_page_that_names_missing_figures_is_refused_and_no_page_changes(checkout):
     with pytest.raises(InvalidInputError, match=r"course\.json"):
         publishing.fill(checkout)
     publishing.publish(checkout, "course", {"rows": [ROW]})

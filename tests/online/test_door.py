@@ -34,7 +34,7 @@ def test_a_cart_that_asks_for_nothing_is_led_through(width, seed, center):
     door = VelocityFilter(walker, scene, period=PERIOD, guidance="geodesic", goal=GOAL)
     ahead, least = walker.command.look_ahead, np.inf
     while cart.time < 30.0:
-        pose, twist = cart.says()
+        pose, twist = cart.odometry()
         _, report = door.step((0.0, 0.0), pose, twist, cart.time)
         least = min(least, report["h"].min())
         end = cart.time + PERIOD
