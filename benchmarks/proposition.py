@@ -22,8 +22,8 @@ from hcbf_gym.barriers import (
     LinearClassK,
     LogClassK,
 )
-from hcbf_gym.filtering.planar_core import PlanarCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator

@@ -109,7 +109,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         "map_guidance",
         "guidance on maps: fields, who arrives, corridors, out of zones",
         40,
-        (*ROM, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/robots/carts/*"),
+        (*ROM, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*"),
     ),
     "held-rows": Suite(
         "suites.held_rows", "held rows under friendly and hostile policies, without margin", 4, ROM
@@ -133,7 +133,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         "walkers",
         "robots that take velocities: attacked, on their way, their speed",
         90,
-        ("hcbf_gym/envs/walker_regions.py", "hcbf_gym/robots/carts/*", "tests/robots/contracts/*"),
+        ("hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*", "tests/robots/contracts/*"),
         extra="walkers",
         needs=("onnxruntime",),
     ),
@@ -141,7 +141,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         "maps",
         "maps: exact covers, attacks, speed zones, scans, walkers, costs",
         90,
-        (*ROM, *A1, "hcbf_gym/envs/walker_regions.py", "hcbf_gym/maps/plans/*"),
+        (*ROM, *A1, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/maps/plans/*"),
         extra="walkers",
         needs=("onnxruntime",),
     ),

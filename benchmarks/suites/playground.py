@@ -17,9 +17,9 @@ from websockets.sync.client import connect
 
 from benchmarks.common import table
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.play.page import Page
-from hcbf_gym.play.session import Session
-from hcbf_gym.play.settings import Settings
+from hcbf_lab.play.page import Page
+from hcbf_lab.play.session import Session
+from hcbf_lab.play.settings import Settings
 
 SETTINGS = Settings(policy="human", program="lex-cbf-qp", guidance=True)
 CHANGE_EVERY = 5.0  # Time between two things that the person does [s]

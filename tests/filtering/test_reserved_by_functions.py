@@ -5,9 +5,9 @@ import pytest
 
 from hcbf_gym import models
 from hcbf_gym.barriers import Barrier, Disc, Jet
-from hcbf_gym.filtering.model_core import ModelCore
-from hcbf_gym.filtering.planar_core import PlanarCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.model_core import ModelCore
+from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 
