@@ -287,7 +287,7 @@ def environment(robot: str, family: str, capped: bool) -> Any:
     if ROBOTS[robot] is None:
         return gym.make("HCBF-A1Regions-v0", **options)
     options |= {"v_max": 0.8} if capped else {}
-    return gym.make("HCBF-WalkerRegions-v0", robot=ROBOTS[robot], **options)
+    return gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=ROBOTS[robot], **options)
 
 
 class Seen(NamedTuple):

@@ -41,7 +41,7 @@ RESTS = 0.05  # Slower than that a robot is at rest [m/s]
 STEP = 0.02  # Of the environments [s]
 LONGEST = 15_000  # Steps that a path may take
 NAV2: dict[str, dict[str, int]] = {"depot": {"depot_keepout.yaml": 2}, "tb3_sandbox": {}}
-MODELS = {"rom": "HCBF-Regions-v0", "cart": "HCBF-WalkerRegions-v0"}
+MODELS = {"rom": "HCBF-Regions-v0", "cart": "hcbf_robots:HCBF-WalkerRegions-v0"}
 ROOM = {"rom": BODY, "cart": 0.55}
 """What start and goal keep from edges [m]: where the body and its margins have room."""
 

@@ -41,8 +41,8 @@ FIRST_SEED = 24_000_000
 TURNS = (0.0, 0.6)  # Yaws of a map's origin at which its cover is judged [rad]
 WALKERS: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "a1": ("HCBF-A1Regions-v0", {"body": "footprint"}, 0.9, V_MAX),
-    "cart": ("HCBF-WalkerRegions-v0", {"robot": "cart"}, 0.6, 1.2),
-    "go1": ("HCBF-WalkerRegions-v0", {"robot": "tests/robots/contracts/go1.json"}, 0.8, V_MAX),
+    "cart": ("hcbf_robots:HCBF-WalkerRegions-v0", {"robot": "cart"}, 0.6, 1.2),
+    "go1": ("hcbf_robots:HCBF-WalkerRegions-v0", {"robot": "tests/robots/contracts/go1.json"}, 0.8, V_MAX),
 }
 """name → environment, its arguments, how far a start is from edges [m], cap on the speed [m/s]."""
 BEAMS, RANGE, LATENCY, LOST = 360, 6.0, 0.1, 0.1

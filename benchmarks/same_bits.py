@@ -6,6 +6,7 @@ what differs of the keys that both have. It imports nothing of `benchmarks`, so 
 checkout.
 """
 
+import contextlib
 import os
 import sys
 import warnings
@@ -24,6 +25,9 @@ from hcbf_gym import models
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
+
+with contextlib.suppress(ImportError):  # of a checkout with one package
+    import hcbf_robots  # noqa: F401 - registers the walkers
 
 Array = NDArray[np.float64]
 PERIOD = 0.05

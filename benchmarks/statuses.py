@@ -25,7 +25,8 @@ from hcbf_gym.programs import FilterStatus
 HOSTILE = ("nearest", "corner", "edge", "slam", "bang-bang")  # in turn
 ANNOUNCED = FilterStatus.VIOLATED
 CONTRACTS = Path(__file__).parents[1] / "tests/robots/contracts"
-ROM, WALKER, A1 = "HCBF-Regions-v0", "HCBF-WalkerRegions-v0", "HCBF-A1Regions-v0"
+ROM, A1 = "HCBF-Regions-v0", "HCBF-A1Regions-v0"
+WALKER = "hcbf_robots:HCBF-WalkerRegions-v0"
 ROBOTS = {"cart": "cart", "holonomic": "holonomic-cart"} | {
     name: str(CONTRACTS / f"{file}.json")
     for name, file in (("go1", "go1"), ("humanoid", "berkeley_humanoid"))

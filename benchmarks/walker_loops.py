@@ -109,7 +109,7 @@ def _make(contract: str) -> gym.Env:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         env = gym.make(
-            "HCBF-WalkerRegions-v0",
+            "hcbf_robots:HCBF-WalkerRegions-v0",
             robot=contract,
             scenario="random",
             max_episode_steps=10**6,

@@ -83,7 +83,7 @@ def arrive(robot: str, count: int) -> Iterator[AttackedEpisode]:
     for policy in POLICIES:
         for k in range(count):
             yield AttackedEpisode(
-                policy, "random", FIRST_SEED + 200_000 + k, "HCBF-WalkerRegions-v0", options,
+                policy, "random", FIRST_SEED + 200_000 + k, "hcbf_robots:HCBF-WalkerRegions-v0", options,
                 {"guidance": "geodesic"},
             )  # fmt: skip
 
@@ -112,7 +112,7 @@ def _attacked(
         v_max = limits[k // (len(families) * len(ATTACKS)) % len(limits)]
         seed = FIRST_SEED + first + k
         scene = faster(family, seed, v_max)
-        yield AttackedEpisode(attack, scene, seed, "HCBF-WalkerRegions-v0", env)
+        yield AttackedEpisode(attack, scene, seed, "hcbf_robots:HCBF-WalkerRegions-v0", env)
 
 
 EPISODES: dict[str, Callable[[str, int], Iterator[Any]]] = {
