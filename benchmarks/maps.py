@@ -39,10 +39,12 @@ NEAR = 1.0  # Within which the cover's shortfall counts [m]
 FAR = 10.0  # Within which one point in a hundred is judged, too: the cover exceeds nowhere [m]
 FIRST_SEED = 24_000_000
 TURNS = (0.0, 0.6)  # Yaws of a map's origin at which its cover is judged [rad]
+GO1 = "tests/robots/contracts/go1.json"
+WALKER = "hcbf_robots:HCBF-WalkerRegions-v0"
 WALKERS: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "a1": ("HCBF-A1Regions-v0", {"body": "footprint"}, 0.9, V_MAX),
-    "cart": ("hcbf_robots:HCBF-WalkerRegions-v0", {"robot": "cart"}, 0.6, 1.2),
-    "go1": ("hcbf_robots:HCBF-WalkerRegions-v0", {"robot": "tests/robots/contracts/go1.json"}, 0.8, V_MAX),
+    "cart": (WALKER, {"robot": "cart"}, 0.6, 1.2),
+    "go1": (WALKER, {"robot": GO1}, 0.8, V_MAX),
 }
 """name → environment, its arguments, how far a start is from edges [m], cap on the speed [m/s]."""
 BEAMS, RANGE, LATENCY, LOST = 360, 6.0, 0.1, 0.1

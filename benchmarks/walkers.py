@@ -34,6 +34,7 @@ RESULTS = Path("results/walkers")
 ROOT = Path(__file__).parents[1]
 CONTRACTS = ROOT / "tests/robots/contracts"
 SLOW = 0.8  # The lower of the two caps on the speed [m/s]; the higher one is the contract's
+ENV = "hcbf_robots:HCBF-WalkerRegions-v0"
 FIRST_SEED = 7_000_000
 FAMILIES = ("random", "random-moving")
 WIDE = ("random", "random-wide")
@@ -83,7 +84,7 @@ def arrive(robot: str, count: int) -> Iterator[AttackedEpisode]:
     for policy in POLICIES:
         for k in range(count):
             yield AttackedEpisode(
-                policy, "random", FIRST_SEED + 200_000 + k, "hcbf_robots:HCBF-WalkerRegions-v0", options,
+                policy, "random", FIRST_SEED + 200_000 + k, ENV, options,
                 {"guidance": "geodesic"},
             )  # fmt: skip
 
@@ -112,7 +113,7 @@ def _attacked(
         v_max = limits[k // (len(families) * len(ATTACKS)) % len(limits)]
         seed = FIRST_SEED + first + k
         scene = faster(family, seed, v_max)
-        yield AttackedEpisode(attack, scene, seed, "hcbf_robots:HCBF-WalkerRegions-v0", env)
+        yield AttackedEpisode(attack, scene, seed, ENV, env)
 
 
 EPISODES: dict[str, Callable[[str, int], Iterator[Any]]] = {

@@ -26,6 +26,9 @@ QUALITY = 35  # Of the WebP file, of 100
 _STRIP = 22  # [pixels] under the picture, for the line of text
 
 
+WALKER = "hcbf_robots:HCBF-WalkerRegions-v0"
+
+
 class Loop(NamedTuple):
     """One film."""
 
@@ -41,7 +44,7 @@ class Loop(NamedTuple):
 def _attacked(robot: str, seed: int, attack: str = "edge") -> Loop:
     """Return the film of a walker under attack."""
     options = {"robot": robot, "body": "footprint"}
-    return Loop("random", seed, attack, 14.0, LEX, options, "hcbf_robots:HCBF-WalkerRegions-v0")
+    return Loop("random", seed, attack, 14.0, LEX, options, WALKER)
 
 
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
@@ -60,7 +63,7 @@ LOOPS = {  # The loops of the site by name
     "cart": _attacked("cart", 1),
     "holonomic-cart": _attacked("holonomic-cart", 1),
     "map-flat": Loop("map-flat", 2, "edge", 20.0, GUIDED, {"body": "footprint"}),
-    "map-office": Loop("map-office", 1, "nearest", 24.0, GUIDED, CART, "hcbf_robots:HCBF-WalkerRegions-v0"),
+    "map-office": Loop("map-office", 1, "nearest", 24.0, GUIDED, CART, WALKER),
 }
 FOREIGN = {  # The loops of robots that are not the project's own: their contracts read `$HCBF_DATA`
     name: _attacked(f"tests/robots/contracts/{name}.json", 1)
