@@ -2,25 +2,14 @@
 
 import numpy as np
 
-from benchmarks.refuting.cases import (
-    BETA,
-    LOOKS,
-    Array,
-    Case,
-    log_of,
-    period,
-    place,
-    push,
-    u_max,
-    value,
-)
+from benchmarks.refuting.cases import BETA, LOOKS, Array, Case, log_of
 from hcbf_gym import _core
 from hcbf_gym.barriers import layout, rows
 
 
 def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     """Return by how much lemma 7 or 12 holds, and by how much b is below a stop (and ṁ)."""
-    span, top = period(case), u_max(case)
+    span, top = case.period, case.u_max
     own = log_of(z[:, 0], -3, 0)
     limit = (top * span + 2.0 * own) * (1.0 + log_of(z[:, 1], -4, 1))
     drift = log_of(z[:, 2], -3, 0) * zone
@@ -29,7 +18,7 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     if zone:
         gained = span * np.sqrt(top**2 + BETA * top + BETA**2)
         limit = (own + np.hypot(own, gained)) * (1.0 + log_of(z[:, 1], -4, 1))
-    p, n = place(case, z[:, 6:], np.maximum(gap, 0.0) + 1.0) if zone else (z[:, :2], z[:, :2])
+    p, n = case.place(z[:, 6:], np.maximum(gap, 0.0) + 1.0) if zone else (z[:, :2], z[:, :2])
     way = np.maximum(gap, 0.0) if zone else np.zeros(len(z))
     rate = log_of(z[:, 8], -3, 0) + (drift * BETA / limit * (way > 0.0) if zone else 0.0)
     k = log_of(z[:, 9], -6, 0) * limit
@@ -51,13 +40,13 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
     _core.planar_rows(kind, numbers, reserved, x, np.zeros(len(z)), case.how.packed, a, out)
     size, b = np.linalg.norm(a[:, 0], axis=1), out[rows.B, :, 0]
     ahead = a[:, 0] / np.maximum(size, 1e-300)[:, None]
-    u = push(case, ahead, b / np.maximum(size, 1e-300), z[:, 11], z[:, 12])
+    u = case.push(ahead, b / np.maximum(size, 1e-300), z[:, 11], z[:, 12])
     tau = np.linspace(0.0, span, LOOKS + 1)
     later = ((v[:, None] + u[:, None] * tau[:, None]) ** 2).sum(-1)
     h = (limit**2)[:, None] - later
     if zone:
         q = p[:, None] + v[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
-        d = value(case.kind, case.c, q)[0] - 1.0
+        d = case.value(q)[0] - 1.0
         d = d + np.minimum(gap, 0.0)[:, None] - drift[:, None] * tau
         h = h + 2.0 * BETA * np.maximum(0.0, d)
     h = h / (2.0 * limit[:, None])
