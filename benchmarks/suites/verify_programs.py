@@ -1,18 +1,17 @@
 """Every program against its solution in rational arithmetic, on random problems of every kind."""
 
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-import joblib
 import numpy as np
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from benchmarks.common import table
 from benchmarks.judges.judge import Judge
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
+from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
@@ -121,23 +120,10 @@ def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
     return {key: value for key, value in every.items() if key in programs.options(name)}
 
 
-def verify(
-    name: str, samples: int, jobs: int = 1, forms: Sequence[str] = FORMS, size: int = GROUP
-) -> Iterator[dict[str, Tally]]:
-    """Compare the forms of a program with its exact solution; yield the tallies as they grow."""
-    groups = range(-(-samples // size))
-    work = (joblib.delayed(verify_group)(name, [0, group], forms, size) for group in groups)
-    total: dict[str, Tally] = {}
-    done: Any = joblib.Parallel(jobs, return_as="generator")(work)
-    for tallies in done:
-        total = {form: total.get(form, Tally()) + tally for form, tally in tallies.items()}
-        yield total
-
-
 def verify_group(
     name: str, seed: list[int], forms: Sequence[str] = FORMS, size: int = GROUP
 ) -> dict[str, Tally]:
-    """Compare a program, under options of the group's own, on `size` problems."""
+    """Compare the forms of a program with its exact solution on `size` problems."""
     tallies = {form: Tally() for form in forms}
     for n_u in sorted({INPUTS[form] for form in forms}):
         rng = np.random.default_rng([programs.names().index(name), *seed, n_u])
@@ -201,17 +187,18 @@ def run(quick: bool) -> dict[str, Any]:
     """
     figures: dict[str, Any] = {name: {} for name in programs.names()}
     planar, general = ("batch", "single"), ("1 input", "3 inputs", "7 inputs")
-    counts = {planar: 40 if quick else 100_000, general: 20 if quick else 20_000}
     size = 20 if quick else GROUP
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        for forms, samples in counts.items():
-            for name in programs.names():
-                bar = progress.add_task(f"{name}, {forms[0]}", total=samples)
-                for tallies in verify(name, samples, jobs=-1, forms=forms, size=size):
-                    progress.update(bar, completed=tallies[forms[0]].problems)
-                    figures[name] |= {form: asdict(tally) for form, tally in tallies.items()}
-    return figures
+    for forms, count in ((planar, 40 if quick else 100_000), (general, 20 if quick else 20_000)):
+        for name in programs.names():
+            group = functools.partial(verify_group, name, forms=forms, size=size)
+            seeds = [[0, k] for k in range(count // size)]
+            for _, tallies in chunks.Runs().over(group, seeds, f"{name}, {forms[0]}"):
+                for form, tally in tallies.items():
+                    figures[name][form] = figures[name].get(form, Tally()) + tally
+    return {
+        name: {form: asdict(tally) for form, tally in tallies.items()}
+        for name, tallies in figures.items()
+    }
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
