@@ -26,18 +26,8 @@ SOURCE = CORE / "cuda" / "filter.cu"
 U = Box.symmetric(5.0)
 RADIUS = float(U.radius)
 SETTINGS = RowSettings(period=0.02, u_max=RADIUS, limits=((-5.0, -5.0), (5.0, 5.0)))
-STANDARD = [  # Headers that NVRTC has none of; the kernel's first lines stand in for them
-    "algorithm",
-    "array",
-    "cmath",
-    "cstddef",
-    "cstdint",
-    "cstdlib",
-    "limits",
-    "optional",
-    "utility",
-    "vector",
-]
+STANDARD = ("algorithm", "array", "cmath", "cstddef", "cstdint", "cstdlib", "limits", "optional",
+            "utility", "vector")  # fmt: skip
 LIBRARIES = "libnvrtc-builtins", "libnvrtc"  # the second looks for the first
 THREADS = 128  # of a block
 
@@ -163,6 +153,9 @@ def on_gpu(ptx: bytes, scenes: Scenes, runs: int = 21) -> tuple[Answer, float]:
         if code := getattr(cuda, name)(*arguments):
             raise HcbfError(f"{name}: got error {code}, expected 0")
 
+    def copy(name: str, one: Any, other: Any, size: int) -> None:
+        call(name, one, other, ctypes.c_size_t(size))
+
     context, module, kernel = (ctypes.c_void_p() for _ in range(3))
     call("cuInit", 0)
     call("cuDevicePrimaryCtxRetain", ctypes.byref(context), 0)
@@ -173,12 +166,7 @@ def on_gpu(ptx: bytes, scenes: Scenes, runs: int = 21) -> tuple[Answer, float]:
     places = [ctypes.c_uint64() for _ in arrays]
     for place, array in zip(places, arrays, strict=True):
         call("cuMemAlloc_v2", ctypes.byref(place), ctypes.c_size_t(array.nbytes))
-        call(
-            "cuMemcpyHtoD_v2",
-            place,
-            ctypes.c_void_p(array.ctypes.data),
-            ctypes.c_size_t(array.nbytes),
-        )
+        copy("cuMemcpyHtoD_v2", place, ctypes.c_void_p(array.ctypes.data), array.nbytes)
     given = problem(scenes, [place.value for place in places])
     arguments = (ctypes.c_void_p * 1)(ctypes.addressof(given))
     blocks, times = -(-len(scenes.x) // THREADS), []
@@ -188,12 +176,7 @@ def on_gpu(ptx: bytes, scenes: Scenes, runs: int = 21) -> tuple[Answer, float]:
         call("cuCtxSynchronize")
         times.append(time.perf_counter() - start)
     for place, array in zip(places[-4:], answer, strict=True):
-        call(
-            "cuMemcpyDtoH_v2",
-            ctypes.c_void_p(array.ctypes.data),
-            place,
-            ctypes.c_size_t(array.nbytes),
-        )
+        copy("cuMemcpyDtoH_v2", ctypes.c_void_p(array.ctypes.data), place, array.nbytes)
     return answer, statistics.median(times)
 
 

@@ -22,6 +22,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.common import table
 from benchmarks.registry import SUITES
 from hcbf_gym import certificates
 from hcbf_gym.certificates import Certificate
@@ -84,7 +85,7 @@ def differing(root: Path) -> Iterator[tuple[Path, str]]:
     check_root(root)
     shown = {}
 
-    def table(match: re.Match[str]) -> str:
+    def filled_table(match: re.Match[str]) -> str:
         kind, name, which = match.groups()
         choose("suite", name, SUITES)
         if kind == "awaits" and not _results(root, name).is_file():
@@ -94,9 +95,10 @@ def differing(root: Path) -> Iterator[tuple[Path, str]]:
         text = choose(f"table of {name}", which, shown[name])
         return f"<!-- results: {name}/{which} -->\n{text}\n<!-- end of results -->"
 
-    pages = {page: page.read_text(encoding="utf-8") for page in _pages(root)}
+    files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    pages = {page: page.read_text(encoding="utf-8") for page in files}
     for page, text in pages.items():
-        filled = certified(root, _MARKED.sub(table, text))
+        filled = certified(root, _MARKED.sub(filled_table, text))
         if filled != text:
             yield page, filled
 
@@ -117,30 +119,22 @@ def certified(root: Path, text: str) -> str:
 
 def certified_table(folder: Path) -> Table:
     """Return a line for each certificate in a folder."""
-    header = (
-        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]", "version",
-        "commit",
-    )  # fmt: skip
-    rows = [
-        (
-            one.name, f"{one.episodes:,}", str(one.entered), f"{one.bound:.2g}",
-            f"{one.confidence:.1%}", f"{one.least_h:+.4f}", one.version, one.commit,
-        )
-        for one in map(Certificate.load, sorted(folder.glob("*.json")))
-    ]  # fmt: skip
-    return Table("certificates", header, rows)
+    columns = {
+        "certificate": "{c.name}", "episodes": "{c.episodes:,}", "entered": "{c.entered}",
+        "P(enter) ≤": "{c.bound:.2g}", "confidence": "{c.confidence:.1%}",
+        "least h [m]": "{c.least_h:+.4f}", "version": "{c.version}", "commit": "{c.commit}",
+    }  # fmt: skip
+    loaded = ({"c": Certificate.load(file)} for file in sorted(folder.glob("*.json")))
+    return table("certificates", loaded, columns)
 
 
 def covered_table(file: Path) -> Table:
     """Return what a certificate covers, and what was tested besides."""
     plant = Certificate.load(file).plant
-    nothing: dict[str, Any] = {"ranges": {}, "words": "none"}
-    alone = certificates.tested()["alone"].get(plant["environment"], nothing)
-    rows = [
-        (argument, words(expected))
-        for argument, expected in (dict(plant) | alone["ranges"]).items()
-        if argument not in ("environment", "scene")
-    ]
+    none: dict[str, Any] = {"ranges": {}, "words": "none"}
+    alone = certificates.tested()["alone"].get(plant["environment"], none)
+    ranges = dict(plant) | alone["ranges"]
+    rows = [(k, words(v)) for k, v in ranges.items() if k not in ("environment", "scene")]
     return Table("covered", ("argument", "tested"), [*rows, ("alone", alone["words"])])
 
 
@@ -163,15 +157,8 @@ def machine() -> str:
     except OSError:
         found = None
     model = found.group(1) if found else platform.machine()
-    return f"{os.cpu_count()} cores of {model}, {platform.system()}, Python {_python()}"
-
-
-def _python() -> str:
-    return ".".join(platform.python_version_tuple()[:2])
-
-
-def _pages(root: Path) -> list[Path]:
-    return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    python = ".".join(platform.python_version_tuple()[:2])
+    return f"{os.cpu_count()} cores of {model}, {platform.system()}, Python {python}"
 
 
 def _results(root: Path, name: str) -> Path:

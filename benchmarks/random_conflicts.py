@@ -4,7 +4,6 @@ The reduced-order model under a held input, all scenes of a chunk at once; the b
 at every millisecond.
 """
 
-from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,21 +50,6 @@ ROWS = {  # Rows made for a held input, the usual ones, and those with 1 cm of m
 }
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """One episode."""
-
-    woke_in: int  # the priority of the region that the robot starts in
-    depth: list[float]  # of each priority, the deepest entry [m]; 0 if it was never entered
-    seconds: list[float]  # of each priority, the time spent inside [s]
-    # the least distance kept from the strict regions and walls [m], negative inside
-    clearance: float
-    excused: list[bool]  # of each priority, whether one of its rows could not be met at some time
-    intervention: float  # root mean square of ‖u − u*‖ [m/s²]
-    deadlock: float  # share of the time that the robot stood though u* asked it to move
-    reached: bool  # whether the robot ended within 0.25 m of the goal
-
-
 def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
     """Return two strict walls and four ranked discs, in conflict from the start.
 
@@ -106,7 +90,11 @@ class Scenes(NamedTuple):
 
 
 def run(chunk: Scenes) -> list[dict[str, Any]]:
-    """Run the episodes, and return their outcomes as plain dicts."""
+    """Run the episodes, and return what each showed.
+
+    `depth` [m], `seconds` inside and `excused` (a row could not be met at some time) have an entry
+    for each priority; `clearance` is the least distance from strict regions and walls [m].
+    """
     policy, program, rows, seed, start, count = chunk
     choose("policy", policy, dict.fromkeys(POLICIES))
     settings, margin = choose("rows", rows, ROWS)
@@ -138,21 +126,23 @@ def run(chunk: Scenes) -> list[dict[str, Any]]:
         advance(barriers.kind, barriers.parameters, x, t, u, DT, LOOKS, least, inside)
 
     near = np.linalg.norm(x[:, :2] - GOAL, axis=1) < REACHED
-    outcomes = []
-    for i in range(count):
-        levels = [barriers.priority[i] == p + 1 for p in range(LEVELS)]
-        outcome = Outcome(
-            int(woke_in[i]),
-            [float(max(0.0, -least[i, level].min())) for level in levels],
-            [float(inside[i, level].max()) for level in levels],
-            float(least[i, levels[0]].min()),
-            [bool(unmet[i, level].any()) for level in levels],
-            float(np.sqrt(effort[i] / STEPS)),
-            float(stood[i] / STEPS),
-            bool(near[i]),
-        )
-        outcomes.append(asdict(outcome))
-    return outcomes
+    of_rank = [barriers.priority == p + 1 for p in range(LEVELS)]
+    depth = np.stack([np.where(r, -least, 0.0).max(axis=1) for r in of_rank], axis=1)
+    seconds = np.stack([np.where(r, inside, 0.0).max(axis=1) for r in of_rank], axis=1)
+    excused = np.stack([(r & unmet).any(axis=1) for r in of_rank], axis=1)
+    return [
+        {
+            "woke_in": int(woke_in[i]),
+            "depth": np.maximum(depth[i], 0.0).tolist(),
+            "seconds": seconds[i].tolist(),
+            "clearance": float(least[i, of_rank[0][i]].min()),
+            "excused": excused[i].tolist(),
+            "intervention": float(np.sqrt(effort[i] / STEPS)),
+            "deadlock": float(stood[i] / STEPS),
+            "reached": bool(near[i]),
+        }
+        for i in range(count)
+    ]
 
 
 def _nominal(
