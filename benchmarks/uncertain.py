@@ -25,6 +25,7 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 
 ERRORS = ("constant", "turns", "jumps")
+NAMES = ("planar", "drag", "single integrator", "unicycle", "bicycle", "own", "axle", "walker")
 PERIOD, COUNT, EPISODE, INSTANTS, LOOKS = 0.05, 20, 100, 10, 8
 WITHIN = 0.99  # Of κσ, that an error may be
 CART = Axle(look_ahead=0.25, forward=0.8, turn=1.8, braking=1.5)
@@ -81,18 +82,17 @@ def cases() -> dict[str, Case]:
     vehicles = [ahead(region) for region in REGIONS]
     follows = Uncertainty(distance=0.03, per_velocity=0.3, per_lead=1.0, cap=0.25, speed=0.05)
     planar = DoubleIntegrator()
-    return {
-        "planar": Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP)),
-        "drag": Case(DoubleIntegrator(drag=0.5), (2.0, 2.0), moving, (*REGIONS, CAP)),
-        "single integrator": Case(models.SingleIntegrator(), (1.0, 1.0), on_place, REGIONS),
-        "unicycle": Case(models.Unicycle(), (1.0, 1.5), (*on_place, 0.03), vehicles),
-        "bicycle": Case(
-            models.KinematicBicycle(rear=0.3), (1.5, 0.4), (*on_place, 0.03, 0.05), vehicles
-        ),
-        "own": Case(boat(), (2.0, 2.0), moving, (*REGIONS, CAP)),
-        "axle": Case(planar, (1.5, 1.5), moving, (*REGIONS, SpeedLimit("cap", 1, 0.6)), CART),
-        "walker": Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP), None, follows),
-    }
+    every = (
+        Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP)),
+        Case(DoubleIntegrator(drag=0.5), (2.0, 2.0), moving, (*REGIONS, CAP)),
+        Case(models.SingleIntegrator(), (1.0, 1.0), on_place, REGIONS),
+        Case(models.Unicycle(), (1.0, 1.5), (*on_place, 0.03), vehicles),
+        Case(models.KinematicBicycle(rear=0.3), (1.5, 0.4), (*on_place, 0.03, 0.05), vehicles),
+        Case(boat(), (2.0, 2.0), moving, (*REGIONS, CAP)),
+        Case(planar, (1.5, 1.5), moving, (*REGIONS, SpeedLimit("cap", 1, 0.6)), CART),
+        Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP), None, follows),
+    )
+    return dict(zip(NAMES, every, strict=True))
 
 
 class Truth:
@@ -142,33 +142,33 @@ class Errors:
 
     def __init__(self, kind: str, size: Array, rng: np.random.Generator) -> None:
         self._kind, self._size, self._rng = kind, size, rng
-        self._way = self._drawn(COUNT)
+        self._direction = self._drawn(COUNT)
 
     def restart(self, mask: Mask) -> None:
         """Draw new directions for the masked plants (N,)."""
-        self._way[mask] = self._drawn(int(mask.sum()))
+        self._direction[mask] = self._drawn(int(mask.sum()))
 
     def next(self) -> Array:
         """Return (N, n) the errors of a sample."""
         if self._kind == "jumps":
-            self._way = self._drawn(COUNT)
+            self._direction = self._drawn(COUNT)
         if self._kind == "turns":
-            self._way = _unit(self._way + 0.02 * self._rng.normal(size=self._way.shape))
-        return WITHIN * self._way * self._size
+            change = 0.02 * self._rng.normal(size=self._direction.shape)
+            self._direction = _unit(self._direction + change)
+        return WITHIN * self._direction * self._size
 
     def _drawn(self, count: int) -> Array:
         """Return unit vectors: half of them make a region seem farther away than it is."""
-        way = self._rng.normal(size=(count, len(self._size)))
-        way[:, 2:] *= self._rng.choice([0.0, 1.0, 5.0], size=(count, 1))
-        blind = self._rng.random(count) < 0.5
-        away = self._rng.choice(AWAY, size=count)
-        way[blind, :2] = away[blind]
-        way[blind, 2:] = 0.0
+        rng = self._rng
+        found = rng.normal(size=(count, len(self._size)))
+        found[:, 2:] *= rng.choice([0.0, 1.0, 5.0], size=(count, 1))
+        blind = rng.random(count) < 0.5
+        away = rng.choice(AWAY, size=count)
+        found[blind, :2], found[blind, 2:] = away[blind], 0.0
         if len(self._size) == 4:  # a part of it is the velocity's
-            way[blind, 2:] = (
-                self._rng.choice([-0.5, 0.0, 0.5], size=(count, 1))[blind] * away[blind]
-            )
-        return _unit(way)
+            share = rng.choice([-0.5, 0.0, 0.5], size=(count, 1))
+            found[blind, 2:] = (share * away)[blind]
+        return _unit(found)
 
 
 def _unit(vectors: Array) -> Array:
