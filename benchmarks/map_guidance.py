@@ -7,7 +7,7 @@
 import contextlib
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -154,22 +154,16 @@ def fields_part(count: int) -> Table:
         places, rng = Places(floor, BODY), np.random.default_rng(0)
         scene = BarrierSet([[floor]])
         took: dict[str, list[float]] = {"ground": [], "field": [], "change": []}
-
-        def timed(key: str, call: Any, *arguments: Any, took: Any = took, **options: Any) -> None:
-            began = time.process_time()
-            call(*arguments, **options)
-            took[key].append(1e3 * (time.process_time() - began))
-
         for _ in range(count):
             guide, goal, start = Geodesic(), places.draw(rng), places.draw(rng)
-            timed("ground", MapGround, regions_of(floor), BODY, 0)
-            timed("field", guide.reset, scene, goal, None, BODY, start=start)
+            took["ground"].append(_timed(MapGround, regions_of(floor), BODY, 0))
+            took["field"].append(_timed(guide.reset, scene, goal, None, BODY, start=start))
             column, row = floor.grid.to_cells([places.draw(rng)])[0].astype(int)
             strict = next(k for k, one in enumerate(floor.classes) if one.is_strict)
             changed = _with_square(floor, strict, row, column)
             for one in (changed, floor):
                 scene = BarrierSet([[one]])
-                timed("change", guide.follow, scene, np.zeros(1))
+                took["change"].append(_timed(guide.follow, scene, np.zeros(1)))
         shape = floor.grid.shape
         rows.append({"map": name, "cells": f"{shape[1]} x {shape[0]}"} | took)
     columns = {"ground [ms]": "ground", "field with ground [ms]": "field",
@@ -183,6 +177,13 @@ def fields_part(count: int) -> Table:
             for header, key in columns.items()
         },
     )
+
+
+def _timed(call: Callable[..., Any], *arguments: Any, **options: Any) -> float:
+    """Return the processor time of a call [ms]."""
+    began = time.process_time()
+    call(*arguments, **options)
+    return 1e3 * (time.process_time() - began)
 
 
 def _with_square(floor: RankedMap, k: int, row: int, column: int) -> RankedMap:

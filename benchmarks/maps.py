@@ -95,17 +95,13 @@ def exact(count: int) -> Table:
             for _ in range(max(1, count // 100_000)):
                 at = rng.uniform([-20.0, -20.0], [width + 20.0, height + 20.0], (100_000, 2))
                 points = grid.to_world(at)
-                true, covered = (
-                    squares.distances(grid, cells, points, NEAR),
-                    ranked.distance(points, 1),
-                )
+                true = squares.distances(grid, cells, points, NEAR)
+                covered = ranked.distance(points, 1)
                 near, few = true < NEAR, slice(0, 1000)
                 true_far = squares.distances(grid, cells, points[few], FAR)
                 further = (covered[few] - true_far)[true_far < FAR]
-                worst = max(
-                    worst,
-                    *(float(a.max(initial=-np.inf)) for a in (covered[near] - true[near], further)),
-                )
+                over = np.concatenate(((covered - true)[near], further))
+                worst = max(worst, float(over.max(initial=-np.inf)))
                 short.append((true - np.maximum(covered, 0.0))[near])
             strict = [b for b in ranked.conditions if b.priority == 1 and b.reads_position]
             rows.append(
