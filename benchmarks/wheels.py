@@ -1,11 +1,10 @@
 """Robots in loops of their own behind `VelocityFilter`.
 
-Where they pass and how they are commanded, late and lost odometry, logs, faults of unmeasured
+Where they pass, late and lost odometry, logs, faults of unmeasured
 robots (`unmeasured`), and malformed files (`fuzz_files`).
 ``python -m benchmarks.wheels --part gaps`` prints one part; ``--quick`` a little of each.
 """
 
-import math
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +20,6 @@ from benchmarks.own_loop import (
     Body,
     Driven,
     Link,
-    Moving,
     boxes_of,
     drive,
     gap,
@@ -30,7 +28,6 @@ from benchmarks.own_loop import (
 )
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import ConvexPolygon, HalfPlane
-from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
 from hcbf_robots import Command, Response, Robot
 from hcbf_robots.identification.identify import identify
@@ -41,14 +38,6 @@ from tests.studies import drives
 
 AT_20_HZ = {"period": PERIOD}
 BEHIND = 2.9  # Where a robot is behind a gap [m]
-ROBOTS = {
-    "TurtleBot 3": Body(Robot(Command(0.22, 2.84, look_ahead=0.08), reach=0.11), 0.08),
-    "TurtleBot 4": Body(Robot(Command(0.46, 1.9, look_ahead=0.12), reach=0.19), 0.1),
-    "Nav2's stock robot": Body(Robot(Command(0.5, 1.0, look_ahead=0.15), reach=0.22), 0.1),
-    "AMR": Body(Robot(Command(1.5, 1.5, look_ahead=0.4), reach=0.5), 0.15),
-    "Go2": Body(Robot(Command(1.0, 1.5, sideways=0.5), reach=0.46), 0.15),
-    "cart": Body(Robot(Command(1.2, 2.5, look_ahead=0.25), reach=0.34), 0.08),
-}
 TYPED = Response(time_constant=0.15, delay=0.05, residual=(0.0, 0.05, 0.1), sway=0.02,
                  overshoot=0.05, braking=1.5)  # fmt: skip
 LINKS = {  # twelve rows, fixed beforehand
@@ -75,56 +64,6 @@ def _passes(known: Any, body: Any, width: float, speed: float, start: Any = None
         known, gap(width), planner, 20.0 + 8.0 / speed, body, start, options=AT_20_HZ,
         until=lambda p: p[0] > BEHIND,
     )  # fmt: skip
-
-
-def _logged(body: Body, seed: int) -> Response:
-    """Return the response that the log of a drive shows."""
-    command, limits = body.robot.command, body.robot.command.limits
-    robot, rng, rows = Moving(body, np.zeros(3)), np.random.default_rng(seed), []
-    plan = []
-    for k in range(len(limits)):
-        for sign in (1.0, -1.0):
-            plan += [(3.0, sign * limits * np.eye(len(limits))[k]), (2.0, 0.0 * limits)]
-    plan += [(1.0, 0.8 * limits * rng.uniform(-1.0, 1.0, len(limits))) for _ in range(25)]
-    for held, wanted in plan:
-        for _ in range(round(held / CONTROL_DT)):
-            three = wanted if len(wanted) == 3 else (wanted[0], 0.0, wanted[1])
-            rows.append([CONTROL_DT * len(rows), *three, *robot.pose, *robot.twist])
-            robot.go(wanted)
-    lines = drives.recorded(np.array(rows), seed)
-    with tempfile.TemporaryDirectory() as folder:
-        file = drives.write(Path(folder) / "drive.csv", lines, command.sideways is None)
-        return identify_log(file, command)[0].response
-
-
-def robots(quick: bool, count: int, robot: str) -> Iterator[str]:
-    """Yield how each robot is commanded, where it passes and where it stops."""
-    widths = np.arange(0.04, 1.2, 0.02)[:: 4 if quick else 1]  # beside the body
-    for name in ("TurtleBot 3", "cart") if quick else ROBOTS:
-        body = ROBOTS[name]
-        responses = {"unknown": None, "typed": TYPED, "log": _logged(body, 0)}
-        for how, response in responses.items():
-            known = Robot(body.robot.command, response, body.robot.reach)
-            forward, full = known.command.forward, np.eye(len(known.command.limits))[0]
-
-            def ahead(_: Array, u: Array = forward * full) -> Array:
-                return u
-
-            far, wall = (HalfPlane("wall", 1, (-1.0, 0.0), x) for x in (-900.0, -3.0))
-            free = drive(known, [far], ahead, 8.0, body, options=AT_20_HZ)
-            rests = drive(known, [wall], ahead, 6.0 + 4.0 / forward, body, options=AT_20_HZ)
-            gaps = (2.0 * known.reach + float(width) for width in widths)
-            passed = (
-                width
-                for width in gaps
-                if _passes(known, body, width, 0.5 * forward).path[-1, 0] > BEHIND
-            )
-            share = free.commands[-50:, 0].mean() / forward
-            yield (
-                f"{name}, {how}: commanded {share:.3f} of {forward:g} m/s, passes "
-                f"{next(passed, math.nan):.2f} m (body {2.0 * known.reach:.2f}), "
-                f"rests {rests.least:.3f} m off"
-            )
 
 
 def gaps(quick: bool, count: int, robot: str) -> Iterator[str]:
@@ -253,7 +192,6 @@ def logs(quick: bool, count: int, robot: str) -> Iterator[str]:
 
 
 PARTS: dict[str, Callable[[bool, int, str], Iterator[str]]] = {
-    "robots": robots,
     "gaps": gaps,
     "loops": loops,
     "logs": logs,
@@ -266,7 +204,7 @@ def main(part: str = "all", quick: bool = False, count: int = 40, robot: str = "
     """Print what is seen.
 
     Args:
-        part: robots, gaps, loops, logs, faults, fuzz, or all.
+        part: gaps, loops, logs, faults, fuzz, or all.
         quick: a little of each.
         count: loops a row; logs are half as many, malformed files 300 where it is 40.
         robot: of the loops, a contract's path or name.
