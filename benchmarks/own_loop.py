@@ -82,7 +82,7 @@ class Moving:
 
 
 class Link(NamedTuple):
-    """What lies between a robot's odometry and the filter."""
+    """The connection of a robot's odometry and the filter."""
 
     rate: float = 50.0  # of odometry [Hz]
     late: float = 0.0  # how old it is when it comes [s]

@@ -111,11 +111,11 @@ def least_while_held(
     angle = 2.0 * np.pi * np.arange(DIRECTIONS if spread.any() else 1) / DIRECTIONS
     errors = np.column_stack([np.cos(angle), np.sin(angle)]) @ spread.transpose(0, 2, 1)
     widest = np.sqrt((spread**2).sum(axis=(1, 2)).max())
-    way = period * (np.hypot(x[:, 2], x[:, 3]) + 0.5 * period * np.hypot(u[:, 0], u[:, 1]))
+    travel = period * (np.hypot(x[:, 2], x[:, 3]) + 0.5 * period * np.hypot(u[:, 0], u[:, 1]))
     least = np.full(len(x), np.inf)
     for k, shape in enumerate(kind.tolist()):
         c, w = numbers[:, k], velocity[:, k]
-        bound = distance(shape, c, *(x[:, :2] - w * t).T) - way - widest
+        bound = distance(shape, c, *(x[:, :2] - w * t).T) - travel - widest
         bound -= period * np.hypot(w[:, 0], w[:, 1])
         far = bound > FAR  # distances change no faster than places
         least[far] = np.minimum(least[far], bound[far])

@@ -7,7 +7,7 @@ and nothing else::
     <!-- results: SUITE/TABLE -->
     <!-- end of results -->
 
-``awaits`` in the place of ``results`` keeps what stands there until the suite is published.
+``awaits`` in the place of ``results`` keeps the text there until the suite is published.
 ``certificates: FOLDER`` and ``coverage: FILE`` show the certificates in a folder, and what one of
 them covers; both are paths below the package or the checkout.
 """

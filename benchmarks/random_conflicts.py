@@ -54,7 +54,7 @@ def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
     """Return two strict walls and four ranked discs, in conflict from the start.
 
     The robot wakes 0.3 to 0.5 m inside a disc whose nearest exit leads into one of higher priority,
-    0.1 to 0.2 m ahead: both rows cannot be met. The other relaxed discs sweep across the way.
+    0.1 to 0.2 m ahead: both rows cannot be met. The other relaxed discs sweep across the path.
     """
     walls = (HalfPlane("left", 1, (0.0, -1.0), -2.5), HalfPlane("right", 1, (0.0, 1.0), -2.5))
     higher, lower = sorted(rng.choice(LEVELS, 2, replace=False) + 1)

@@ -131,7 +131,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "walkers": Suite(
         "walkers",
-        "robots that take velocities: attacked, on their way, their speed",
+        "robots that take velocities: attacked, towards goals, their speed",
         90,
         ("hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*", "tests/robots/contracts/*"),
         extra="walkers",

@@ -159,7 +159,7 @@ def compare(command: Compare) -> int:
     """Print how many episodes of each family differ, and in what; return 1 if any does."""
     with np.load(command.one) as one, np.load(command.other) as other:
         both = [key for key in one.files if key in other.files]
-        news = sorted({key.rsplit("/", 1)[1] for key in set(one.files) ^ set(other.files)})
+        alone = sorted({key.rsplit("/", 1)[1] for key in set(one.files) ^ set(other.files)})
         found: dict[str, set[str]] = {}
         parts: dict[str, set[str]] = {}
         worst = 0.0
@@ -175,11 +175,11 @@ def compare(command: Compare) -> int:
                     worst = max(worst, float(gap.max()))
     for family, seeds in found.items():
         print(f"{family}: {len(seeds)} episodes differ", *sorted(parts.get(family, ())))
-    print(f"keys of one checkout alone: {news}; greatest difference {worst:g}")
+    print(f"keys of one checkout alone: {alone}; greatest difference {worst:g}")
     return int(any(found.values()))
 
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    asked = tyro.cli(Record | Compare)
-    sys.exit(compare(asked) if isinstance(asked, Compare) else record(asked))
+    command = tyro.cli(Record | Compare)
+    sys.exit(compare(command) if isinstance(command, Compare) else record(command))

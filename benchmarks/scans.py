@@ -140,7 +140,7 @@ class Laser:
 
 
 def goal_of(room: Room, reach: float, seed: int) -> Array:
-    """Return (2,) a goal that is some way off, with room around it [m]."""
+    """Return (2,) a goal that is some metres off, with room around it [m]."""
     rng, regions = np.random.default_rng([14, seed]), BarrierSet([room.walls])
     while True:
         at = rng.uniform(-3.5, 3.5, 2)
@@ -248,9 +248,9 @@ class People:
         angles = yaw + (np.array([0.0, math.pi]) if carts else math.tau / 16 * np.arange(16))
         steps = np.linspace(0.1, 1.0, 10) * STEP
         for angle in angles:
-            way = place + steps[:, None] * [math.cos(angle), math.sin(angle)]
-            x = np.column_stack([way, np.zeros_like(way)])
-            apart = np.linalg.norm(way[:, None] - self._at, axis=2)
+            path = place + steps[:, None] * [math.cos(angle), math.sin(angle)]
+            x = np.column_stack([path, np.zeros_like(path)])
+            apart = np.linalg.norm(path[:, None] - self._at, axis=2)
             others = np.delete(apart, k, axis=1).min() > PERSON + self._walker.reach
             away = apart[-1, k] > apart[0, k] + 0.5 * STEP
             reach = self._walker.reach
@@ -285,7 +285,7 @@ def people(robot: str, margin: float, count: int, seconds: float) -> str:
     return (
         f"{robot}, margin {margin} m: {count} drives of {seconds:g} s: {len(contacts)} contacts, "
         f"in {len(own)} the robot's own velocity points at the person (at most "
-        f"{max(own, default=0.0):.3f} m/s), a way was free at {free}; walls entered {entered}; "
+        f"{max(own, default=0.0):.3f} m/s), a path was free at {free}; walls entered {entered}; "
         f"{share(statuses)} VIOLATED or UNSAFE"
     )
 

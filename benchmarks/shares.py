@@ -23,7 +23,7 @@ PERIOD, ROUNDS, CALLS = 0.02, 200, 20
 
 
 class _Still(gym.Env[Any, Any]):
-    """A plant that stands still, far from everything."""
+    """A plant at rest, far from everything."""
 
     action_space = gym.spaces.Box(-5.0, 5.0, (2,), dtype=np.float64)
     observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)

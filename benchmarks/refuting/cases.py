@@ -156,8 +156,8 @@ class Case(NamedTuple):
         _, b, _ = self.rows(x, margin)
         u = self.push(n, b, z[:, 10], z[:, 11])
         tau = np.linspace(0.0, span, LOOKS + 1)
-        way = p[:, None] + r[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
-        later, turned = self.value(way)
+        path = p[:, None] + r[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
+        later, turned = self.value(path)
         return Hold(k + margin[0] + extra, n, r, margin, k, rate, b, u, tau, later, turned, psi)
 
 
@@ -168,11 +168,11 @@ def _polygon(corner: Array, p: Array) -> tuple[Array, Array]:
     over = p[..., None, :] - corner
     height = (over * normal).sum(-1)
     share = np.clip((over * edge).sum(-1) / long**2, 0.0, 1.0)
-    way = over - share[..., None] * edge
-    far = np.linalg.norm(way, axis=-1)
+    offset = over - share[..., None] * edge
+    far = np.linalg.norm(offset, axis=-1)
     nearest, highest = far.argmin(-1)[..., None], height.argmax(-1)
     out = np.take_along_axis(far, nearest, -1)[..., 0]
-    beside = np.take_along_axis(way, nearest[..., None], -2)[..., 0, :]
+    beside = np.take_along_axis(offset, nearest[..., None], -2)[..., 0, :]
     beside = beside / np.maximum(out, 1e-300)[..., None]
     inside = height.max(-1) <= 1e-13
     h = np.where(inside, height.max(-1), out)

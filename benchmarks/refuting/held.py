@@ -93,8 +93,8 @@ def lemma_6_nearer(case: Case, z: Array) -> Array:
     margin = np.stack([0.0 * share, s.margin[1], s.margin[2]])
     _, b, psi = case.rows(x, margin)
     u = case.push(n, b, z[:, 10], z[:, 11])
-    way = p[:, None] + s.r[:, None] * s.tau[:, None] + 0.5 * u[:, None] * s.tau[:, None] ** 2
-    later, turned = case.value(way)
+    path = p[:, None] + s.r[:, None] * s.tau[:, None] + 0.5 * u[:, None] * s.tau[:, None] ** 2
+    later, turned = case.value(path)
     s = s._replace(n=n, h=share, u=u, later=later, turned=turned, psi=psi, margin=margin)
     return after(case, s, half)
 

@@ -19,10 +19,10 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
         gained = span * np.sqrt(top**2 + BETA * top + BETA**2)
         limit = (own + np.hypot(own, gained)) * (1.0 + log_of(z[:, 1], -4, 1))
     p, n = case.place(z[:, 6:], np.maximum(gap, 0.0) + 1.0) if zone else (z[:, :2], z[:, :2])
-    way = np.maximum(gap, 0.0) if zone else np.zeros(len(z))
-    rate = log_of(z[:, 8], -3, 0) + (drift * BETA / limit * (way > 0.0) if zone else 0.0)
+    away = np.maximum(gap, 0.0) if zone else np.zeros(len(z))
+    rate = log_of(z[:, 8], -3, 0) + (drift * BETA / limit * (away > 0.0) if zone else 0.0)
     k = log_of(z[:, 9], -6, 0) * limit
-    v2 = limit**2 + 2.0 * BETA * way - 2.0 * limit * (own + k)
+    v2 = limit**2 + 2.0 * BETA * away - 2.0 * limit * (own + k)
     v = np.sqrt(np.where(v2 >= 0.0, v2, np.nan))
     angle = 2.0 * np.pi * z[:, 10]
     v = v[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -31,9 +31,9 @@ def speed(case: Case, z: Array, zone: bool) -> tuple[Array, Array]:
         np.empty((len(z), 1, 2)),
         np.empty((4, len(z), 1)),
     )
-    numbers[:, 0, layout.V_MAX], numbers[:, 0, layout.AWAY] = limit, way
+    numbers[:, 0, layout.V_MAX], numbers[:, 0, layout.AWAY] = limit, away
     if zone:
-        numbers[:, 0, layout.AWAY_X : layout.AWAY_Y + 1] = n * (way > 0.0)[:, None]
+        numbers[:, 0, layout.AWAY_X : layout.AWAY_Y + 1] = n * (away > 0.0)[:, None]
     kind = np.full((len(z), 1), layout.ZONE if zone else layout.SPEED_LIMIT)
     reserved = np.stack([own, rate, 0.0 * own])[:, :, None]
     x = np.hstack([p, v])

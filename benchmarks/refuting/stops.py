@@ -55,8 +55,8 @@ def lemma_9(case: Case, z: Array) -> Array:
     fast = np.linalg.norm(r, axis=1)
     share = np.linspace(0.0, 1.0, LOOKS + 1)[:, None]
     brake = 0.5 * case.how.alpha1.derivative(0.0) * fast
-    way = r * (fast / (2.0 * brake))[:, None]
-    least = case.value(p[:, None] + share * way[:, None])[0].min(1)
+    path = r * (fast / (2.0 * brake))[:, None]
+    least = case.value(p[:, None] + share * path[:, None])[0].min(1)
     return least - s.margin[0] - case.rounding
 
 

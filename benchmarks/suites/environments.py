@@ -1,4 +1,4 @@
-"""Environment steps per second of one core, beside Gymnasium's own ways and Ant-v5.
+"""Environment steps per second of one core, beside Gymnasium's vector environments and Ant-v5.
 
 The seconds are the process's own (CPU time of one thread), so that a busy machine does not count.
 """

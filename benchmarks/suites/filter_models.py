@@ -174,7 +174,7 @@ def _rates(
     shape: tuple[int, int],
     steps: int,
 ) -> list[dict[str, Any]]:
-    """Return 10⁶ states/s of each way, whose calls take turns, and how far answers are apart."""
+    """Return 10⁶ states/s of each call; they take turns, and how far answers are apart."""
     rng, u = np.random.default_rng(1), np.zeros(shape)
     times, apart = np.zeros((2 * steps, len(calls))), 0.0
     for k in range(2 * steps):  # the first half warms up

@@ -23,7 +23,7 @@ from hcbf_gym.programs import FilterStatus
 MAZES = ("UMaze", "Medium", "Large")
 MAZE_STEPS = {"random": 800, "goal": 6000, "ppo": 800}
 """How long an episode may last; one step is 0.01 s."""
-HELD_STEPS = 20  # For so many steps the policy "random" pushes the same way
+HELD_STEPS = 20  # For so many steps the policy "random" pushes in one direction
 TRAINING_STEPS = 20_000
 ARM_STEPS = 1000  # Ten seconds for each target, in which the spheres come by
 
@@ -101,7 +101,7 @@ def _random_push(env: Any, observation: Any, k: int) -> Array:
 
 
 def _to_goal(env: Any, observation: Any, k: int) -> Array:
-    """Return a push straight at the goal, through whatever stands in between."""
+    """Return a push straight at the goal, through all that is in between."""
     position, velocity = np.split(observation["observation"], 2)
     push = 4.0 * (observation["desired_goal"] - position) - velocity
     return np.clip(push, -1.0, 1.0).astype(np.float32)
@@ -207,14 +207,14 @@ def unicycle(episodes: int) -> dict[str, Any]:
             x = np.append(random.uniform(-2.0, 2.0, 2), random.uniform(-np.pi, np.pi))
             ahead = x[:2] + module.AHEAD * np.array([np.cos(x[2]), np.sin(x[2])])
         env.reset(options={"start": x})
-        aim, way = centers[episode % 2], episode % 3
+        aim, style = centers[episode % 2], episode % 3
         gap = np.inf
         for _ in range(150):
             dx, dy = aim - x[:2]
-            turn = np.sin(np.arctan2(dy, dx) - x[2]) * (-1.0 if way == 1 else 1.0)
-            rate = 2.0 * np.sign(turn) if way < 2 else 2.0 * random.choice((-1.0, 1.0))
+            turn = np.sin(np.arctan2(dy, dx) - x[2]) * (-1.0 if style == 1 else 1.0)
+            rate = 2.0 * np.sign(turn) if style < 2 else 2.0 * random.choice((-1.0, 1.0))
             began = time.thread_time()
-            x = env.step(np.array([-1.0 if way == 1 else 1.0, rate]))[0]
+            x = env.step(np.array([-1.0 if style == 1 else 1.0, rate]))[0]
             spent.append(time.thread_time() - began)
             gap = min(gap, float((np.linalg.norm(x[:2] - centers, axis=1) - radii).min()))
         least, entered = min(least, gap), entered + (gap < 0.0)
@@ -240,7 +240,7 @@ def arm(targets: int) -> dict[str, Any]:
         while min(barrier.h(q, 0.0) for barrier in barriers) < 0.02:
             q = env.reset(seed=int(random.integers(2**31)))[0]
         target = np.array([0.9, 0.0, 0.8]) + random.uniform(-0.4, 0.4, 3)
-        way, nearest, conflicts = [q], np.inf, []
+        path, nearest, conflicts = [q], np.inf, []
         for k in range(ARM_STEPS):
             wanted, distance = reach(module, q, target)
             nearest = min(nearest, distance)
@@ -249,16 +249,16 @@ def arm(targets: int) -> dict[str, Any]:
             report = info["safety_filter"]
             conflict = bool(report["status"] >= FilterStatus.RELAXED)
             spent[conflict].append(time.thread_time() - began)
-            way.append(q)
+            path.append(q)
             if conflict:
                 conflicts.append((k, report["u_safe"]))
         began = time.thread_time()
         env.unwrapped.step(np.zeros(6))
         bare.append(time.thread_time() - began)
         for k, u in conflicts:
-            rows = rows_of(barriers, way[k], k * module.T, 0.005)
+            rows = rows_of(barriers, path[k], k * module.T, 0.005)
             needless += improves(rows, u, module.SPEED, random)
-        h = np.min([[b.h(q, k * module.T) for b in barriers] for k, q in enumerate(way)], axis=0)
+        h = np.min([[b.h(q, k * module.T) for b in barriers] for k, q in enumerate(path)], axis=0)
         least, reached = np.minimum(least, h), reached + (nearest < 0.05)
         forced += len(conflicts)
         entered += [(h[priority == rank] < 0.0).any() for rank in (1, 2, 3)]

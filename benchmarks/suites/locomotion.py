@@ -1,4 +1,4 @@
-"""Quality, robustness and speed of the walk, each figure beside what is asked of it."""
+"""Quality, robustness and speed of the walk, each figure beside its requirement."""
 
 from typing import Any
 
@@ -56,13 +56,13 @@ def run(quick: bool) -> dict[str, Any]:
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return every figure beside its bound."""
 
-    def asked(f: Any) -> str:
+    def bound(f: Any) -> str:
         return "" if f["bound"] is None else f"{'≥' if f['at_least'] else '≤'} {f['bound']:g}"
 
     columns = {
         "": "{section}: {name}",
         "figure": lambda f: "fell" if f["value"] is None else f"{f['value']:.4g}",
-        "unit": "{unit}", "asked": asked,
+        "unit": "{unit}", "asked": bound,
         "met": lambda f: {None: "", True: "yes", False: "no"}[f["met"]],
     }  # fmt: skip
     title = "Unitree A1, flat floor, 500 Hz, self-collision on"

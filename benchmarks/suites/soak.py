@@ -78,9 +78,9 @@ def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
 
 
 def _episode(env: gym.Env, rng: np.random.Generator, left: float, seen: dict[str, int]) -> float:
-    """Run one episode under a random policy, with bad input on the way; return its time [s]."""
+    """Run one episode under a random policy, with bad input; return its time [s]."""
     inner: Any = env.unwrapped
-    env.reset(seed=int(rng.integers(2**31)))  # Gymnasium's checker wants one before a bad one
+    env.reset(seed=int(rng.integers(2**31)))  # Gymnasium's checker requires one before a bad one
     seen["refused"] += _refused(lambda: env.reset(options={"no such option": 1}))
     env.reset()
     ended, u, info = False, np.zeros(2), {}
