@@ -3,7 +3,6 @@
 Times are processor time of one thread: medians of whole steps; of the arm less its own step.
 """
 
-import importlib.util
 import tempfile
 import time
 from collections.abc import Callable
@@ -13,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.common import parallel, table
+from hcbf_gym import loading
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import CbfRows, GeneralRows, LinearClassK, LogClassK
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
@@ -30,15 +29,7 @@ ARM_STEPS = 1000  # Ten seconds for each target, in which the spheres come by
 
 def example(name: str) -> Any:
     """Return the module ``examples/NAME.py`` of the checkout."""
-    path = Path(__file__).parents[2] / "examples" / f"{name}.py"
-    if not path.is_file():
-        raise InvalidInputError(f"examples: got no {path.name}, expected a checkout of hcbf-gym")
-    spec = importlib.util.spec_from_file_location(f"hcbf_example_{name}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loading.module("example", str(Path(__file__).parents[2] / "examples" / f"{name}.py"))
 
 
 def run(quick: bool) -> dict[str, Any]:

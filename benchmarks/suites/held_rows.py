@@ -60,28 +60,16 @@ class Situation:
         return self.rng.random(len(self.sign)) < CONTROL_DT / mean
 
 
-def _pd(now: Situation) -> Array:
-    return now.wanted
-
-
-def _noise(now: Situation) -> Array:
-    return now.wanted + now.rng.normal(0.0, NOISE, now.wanted.shape)
-
-
-def _at_the_nearest(now: Situation) -> Array:
-    return -now.reach * now.nearest_normals()[0]
-
-
-def _into_the_corner(now: Situation) -> Array:
-    first, second = now.nearest_normals()
-    return -now.reach * (first + 0.9 * second)
-
-
 def _along_the_edge(now: Situation) -> Array:
     normal = now.nearest_normals()[0]
     now.sign[now.turn(0.8)] *= -1.0
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     return now.reach * (now.sign[:, None] * tangent - normal)
+
+
+def _into_the_corner(now: Situation) -> Array:
+    first, second = now.nearest_normals()
+    return -now.reach * (first + 0.9 * second)
 
 
 def _away_and_back(now: Situation) -> Array:
@@ -96,9 +84,9 @@ def _bang_bang(now: Situation) -> Array:
 
 
 POLICIES: dict[str, Callable[[Situation], Array]] = {
-    "pd": _pd,
-    "noise": _noise,
-    "at the nearest region": _at_the_nearest,
+    "pd": lambda now: now.wanted,
+    "noise": lambda now: now.wanted + now.rng.normal(0.0, NOISE, now.wanted.shape),
+    "at the nearest region": lambda now: -now.reach * now.nearest_normals()[0],
     "into the corner": _into_the_corner,
     "along the edge, reversing": _along_the_edge,
     "away and back": _away_and_back,
