@@ -224,14 +224,9 @@ def guided_part(count: int) -> Table:
     return table("PD with guidance, random ways", rows, columns)
 
 
-def corridor(angle: float, length: float = 8.0, side: float = 0.05) -> tuple[RankedMap, Array]:
-    """Return a map with a corridor of 1 m through a block, turned, and its two mouths (2, 2) [m].
-
-    Args:
-        angle: by which it is turned on the grid [rad].
-        length: of the block [m].
-        side: of a cell [m].
-    """
+def corridor(angle: float) -> tuple[RankedMap, Array]:
+    """Return a map with a corridor of 1 m through a turned block [rad], and its two mouths [m]."""
+    length, side = 8.0, 0.05
     half = 0.5 * length + 1.5
     n = round(2.0 * half / side)
     grid = Grid(side, (-half, -half, 0.0), (n, n))

@@ -101,7 +101,6 @@ class Driven(NamedTuple):
     least: float  # the least distance of the robot's circle from a strict region [m]
     statuses: Array  # (6,) how often each was reported
     alarms: set[int]  # reasons from the first alarm on
-    alarmed: float  # when the first was raised [s]; infinite for never
     longest: float  # 99th percentile of a step [s]
     fell: bool  # whether the robot fell, where the loop ends
     commands: Array  # (k, n)
@@ -152,7 +151,7 @@ def loop(
     newest: tuple[float, Array, Array] | None = None
     path, commands, spent, alarms = [], [], [], set[int]()
     statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
-    sent, commanded, alarmed = -np.inf, -np.inf, np.inf
+    sent = commanded = -np.inf
     for k in range(round(seconds / CONTROL_DT)):
         now = START + CONTROL_DT * k
         sees(now, robot)
@@ -176,7 +175,6 @@ def loop(
             statuses[int(report["status"])] += 1
             if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
-                alarmed = min(alarmed, now)
         robot.go(safe.command_at(now))
         path.append(robot.pose)
         commands.append(safe.command_at(now))
@@ -187,8 +185,7 @@ def loop(
             break
     longest = float(np.quantile(spent[5:] or [0.0], 0.99))
     return Driven(
-        np.array(path), least, statuses, alarms, alarmed - START, longest, robot.fallen,
-        np.array(commands),
+        np.array(path), least, statuses, alarms, longest, robot.fallen, np.array(commands),
     )  # fmt: skip
 
 
@@ -241,12 +238,12 @@ def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float
     return plan
 
 
-def gap(width: float, offset: float = 0.0) -> list[Barrier]:
+def gap(width: float) -> list[Barrier]:
     """Return two walls 2 m ahead with a gap between them."""
-    low, high = offset - 0.5 * width, offset + 0.5 * width
+    half = 0.5 * width
     return [
-        ConvexPolygon("left", 1, ((2.0, high), (2.15, high), (2.15, 4.0), (2.0, 4.0))),
-        ConvexPolygon("right", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, low), (2.0, low))),
+        ConvexPolygon("left", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
+        ConvexPolygon("right", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, -half), (2.0, -half))),
     ]
 
 

@@ -159,13 +159,13 @@ def pendulum(episodes: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _kernel_share(module: Any, cells: int = 301) -> float:
+def _kernel_share(module: Any) -> float:
     """Return how much of the gridded viability kernel the safe set {h ≥ 0} covers.
 
     The kernel is what is left of the grid when states are taken away, again and again, from which
     no torque leads to a cell that is still there.
     """
-    limit, top = module.LIMIT, 3.2
+    limit, top, cells = module.LIMIT, 3.2, 301
     angle, speed = np.meshgrid(
         np.linspace(-limit, limit, cells), np.linspace(-top, top, cells), indexing="ij"
     )

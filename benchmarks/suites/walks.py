@@ -164,7 +164,7 @@ def slip_per_step(walked: Walk, start: int) -> float:
 
 
 def follow_course(
-    feedforward: bool, seed: int = 0, simulation: Mapping[str, Any] | None = None
+    feedforward: bool, simulation: Mapping[str, Any] | None = None
 ) -> tuple[Walk, Array]:
     """Walk the paper's 20 s course unfiltered; return the walk and (n,) the tracking error [m]."""
     course = scenarios.make("paper-simulation", np.random.default_rng(0)).reference
@@ -176,6 +176,6 @@ def follow_course(
 
     direction = course(20.0)[0]
     yaw = float(np.arctan2(direction[1], direction[0]))
-    walked = walk(20.0, u, seed=seed, yaw=yaw, simulation=simulation)
+    walked = walk(20.0, u, yaw=yaw, simulation=simulation)
     desired = np.array([course(tick * DT)[0] for tick in range(len(walked.reference))])
     return walked, np.linalg.norm(walked.state.position[:, :2] - desired, axis=1)
