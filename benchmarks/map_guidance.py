@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from benchmarks.common import Parts, parallel, print_part, quietly, table
-from hcbf_gym import scenarios
+from hcbf_gym import _core, scenarios
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.barriers.mapped import MappedRegion
@@ -27,7 +27,6 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.guidance import Geodesic, Pull
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.map_ground import MapGround
-from hcbf_gym.guidance.row import descent
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
@@ -140,8 +139,8 @@ def _path_out(
     geometry, end = guide.geometry[0], guide.goal[0]
     view = fields.grid(guide.field[0], geometry)
     point, length = np.array(start), 0.0
-    while zones[fields.cell_of(point[0], point[1], geometry)] and length < 100.0:
-        after = np.array(descent(view, geometry, end, point[0], point[1], geometry[2]))
+    while zones[_core.field_cell_of(point[0], point[1], geometry)] and length < 100.0:
+        after = np.array(_core.field_descent(view, geometry, end, point[0], point[1], geometry[2]))
         length += float(np.linalg.norm(after - point))
         point = after
     return length

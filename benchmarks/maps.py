@@ -16,6 +16,7 @@ from benchmarks.common import Parts, parallel, print_part, quietly, table
 from benchmarks.judges import squares
 from benchmarks.map_guidance import maps
 from benchmarks.scans import ranges_of
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
 from hcbf_gym.evaluation import attacks
@@ -23,7 +24,6 @@ from hcbf_gym.evaluation.attacked import AttackedEpisode, policy_of
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
@@ -135,7 +135,7 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
         state, start_of = start_of, inner.rom_state
         for _ in range(SUBSTEPS):
             u = info["safety_filter"]["u_safe"]
-            state = np.array(double_integrator_step(state, u, PHYSICS_DT, V_MAX))
+            state = np.array(_core.double_integrator_step(state, u, PHYSICS_DT, V_MAX))
             path.append(state)
         status[int(info["safety_filter"]["status"])] += 1
         pays.append(info["safety_filter"]["slack"] > 0.0)

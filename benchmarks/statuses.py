@@ -17,9 +17,9 @@ from rich.console import Console
 
 from benchmarks.common import table
 from hcbf_gym import wrappers
-from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.programs import FilterStatus
 
 HOSTILE = ("nearest", "corner", "edge", "slam", "bang-bang")  # in turn
@@ -85,7 +85,7 @@ def run(episode: Episode) -> dict[str, Any]:
 
 def line(plant: str, policy: str, jobs: list[Episode], workers: int | None) -> dict[str, Any]:
     """Return a line of the table: shares of the steps before an entry, counts of episodes."""
-    seen = [one for _, one in chunks.Runs(workers=workers).over(run, jobs, size=5)]
+    seen = [one for _, one in Runs(workers=workers).over(run, jobs)]
     calm = np.sum([one["calm"] for one in seen], axis=0)
     total = max(1, int(calm.sum()))
     shares = {s.name: f"{100.0 * calm[s] / total:.3f} %" for s in FilterStatus if s >= ANNOUNCED}

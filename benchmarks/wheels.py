@@ -38,7 +38,7 @@ from tests.studies import drives
 
 AT_20_HZ = {"period": PERIOD}
 BEHIND = 2.9  # Where a robot is behind a gap [m]
-TYPED = Response(time_constant=0.15, delay=0.05, residual=(0.0, 0.05, 0.1), sway=0.02,
+TYPED = Response(time_constant=0.15, delay=0.05, residual=(0.0, 0.05, 0.1), deviation=0.02,
                  overshoot=0.05, braking=1.5)  # fmt: skip
 LINKS = {  # twelve rows, fixed beforehand
     "perfect": Link(),

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.pictures.canvas import Args, plt, save
-from hcbf_gym import guidance, scenarios
+from hcbf_gym import _core, guidance, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.drawing import palette
@@ -17,7 +17,6 @@ from hcbf_gym.drawing.scene_plot import draw_map
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance.row import descent
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
@@ -102,7 +101,7 @@ def _field(axes: Any, scenario: Scenario) -> None:
     points = [np.array(scenario.start)]
     while np.linalg.norm(points[-1] - goal) > 1e-9 and len(points) < values.size:
         x, y = points[-1]
-        points.append(np.array(descent(values, geometry, goal, x, y, geometry[2])))
+        points.append(np.array(_core.field_descent(values, geometry, goal, x, y, geometry[2])))
     axes.plot(*np.array(points).T, color=palette.PATH, linewidth=2.0)
     _ends(axes, scenario)
 

@@ -15,7 +15,7 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.common import median, parallel, table
-from hcbf_gym import guidance, policies, scenarios
+from hcbf_gym import _core, guidance, policies, scenarios
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
@@ -24,7 +24,6 @@ from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_sha
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filter.planar_core import PlanarCore
 from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
@@ -255,7 +254,7 @@ def cost(quick: bool) -> list[dict[str, Any]]:
         of_field = (np.repeat(a, many, axis=0) for a in (guide.field, guide.geometry, guide.goal))
         low, high = [0.0, -1.5, -1.0, -1.0], [6.0, 1.5, 1.0, 1.0]
         x = np.random.default_rng(0).uniform(low, high, (many, 4))
-        row = functools.partial(guidance_row.rows, *of_field, x, guide.pull, np.zeros((many, 3)))
+        row = functools.partial(_core.guidance_rows, *of_field, x, guide.pull, np.zeros((many, 3)))
         figures.append(
             {
                 "scene": scene,

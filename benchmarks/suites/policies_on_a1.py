@@ -15,7 +15,7 @@ from benchmarks.suites.learned_policies import (
     figures_of,
     tables,
 )
-from hcbf_gym.evaluation.chunks import Runs, in_order
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case
 
 __all__ = ["run", "tables"]
@@ -35,7 +35,7 @@ def a1_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
     case = Case("HCBF-A1Regions-v0", SCENARIO, name, program, options)
     m = len(PRIORITY)
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
-    summaries = in_order(Runs(KEPT).over(functools.partial(_summary, case), seeds, size=10))
+    summaries = in_order(Runs(KEPT).over(functools.partial(_summary, case), seeds))
     of = {key: np.array([summary[key] for summary in summaries]) for key in summaries[0]}
     strict = of["min_h"][:, :m][:, PRIORITY == 1].min(axis=1)
     over_speed = float(np.maximum(-of["min_h"][:, m:], 0.0).max())

@@ -11,7 +11,7 @@ from benchmarks.common import table
 from benchmarks.judges.judge import Judge
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
@@ -192,7 +192,7 @@ def run(quick: bool) -> dict[str, Any]:
         for name in programs.names():
             group = functools.partial(verify_group, name, forms=forms, size=size)
             seeds = [[0, k] for k in range(count // size)]
-            for _, tallies in chunks.Runs().over(group, seeds, f"{name}, {forms[0]}"):
+            for _, tallies in Runs().over(group, seeds, f"{name}, {forms[0]}"):
                 for form, tally in tallies.items():
                     figures[name][form] = figures[name].get(form, Tally()) + tally
     return {

@@ -43,6 +43,6 @@ class ReasonWarnings:
         brakes = reason < FIRST_ALARM or self._brakes
         does = "brakes" if brakes else "goes on, and promises nothing"
         many = "" if count == 1 else f" of {count} plants"
-        says = f"{Reason(reason).says}{f' ({why})' if why else ''}"
+        says = f"{Reason(reason).text}{f' ({why})' if why else ''}"
         message = f"safety filter{many}: {says}; the filter {does} {until}"
         warn_caller(message, SafetyWarning)

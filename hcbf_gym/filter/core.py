@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Info, Mask, numbers_of
 from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
@@ -398,7 +398,7 @@ class FilterCore(Configured, ABC):
             if seen is None:
                 seen = self._first[i, scan] = first.get((i, scan), now)
             if not clocks.is_accepted(now - seen, SEEN_FOR):
-                wrong = f"the scan {scan.name!r}: {clocks.says(now - seen, SEEN_FOR)}"
+                wrong = f"the scan {scan.name!r}: {clocks.refusal(now - seen, SEEN_FOR)}"
             self._scene.own_margin[i, k] = scan.margin_at(now + hold - seen)
         return wrong
 

@@ -9,10 +9,9 @@ from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
-from hcbf_gym.barriers.general_kernels import LEANING, MARGIN, PLACED, WIDTH
-from hcbf_gym.barriers.own_rows import usual, write_own_row
+from hcbf_gym.barriers.planar_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.rows import B
+from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Known
 from hcbf_gym.errors import UNREADABLE, CoverageWarning, InvalidInputError, warn_caller
@@ -151,7 +150,7 @@ class PlanarCore(FilterCore):
                 covered[one.scenes] = Coverage.OUTSIDE
             if one.what not in self._said:
                 self._said.add(one.what)
-                warn_caller(f"safety filter: {one.says}", CoverageWarning)
+                warn_caller(f"safety filter: {one.text}", CoverageWarning)
         return covered
 
     def _made(self, scene: BarrierSet, u_nominal: Array) -> tuple[SceneArrays, Array]:
@@ -184,7 +183,7 @@ class PlanarCore(FilterCore):
         for (i, k), barrier in scene.own.items():
             if barrier.reads_position:  # which binds the point before an axle
                 out[i, k, MARGIN] += reach
-            of_row = out[i, k, MARGIN:LEANING].tolist()
+            of_row = out[i, k, MARGIN:USABLE].tolist()
             try:
                 with np.errstate(all="ignore"):
                     state = x[i], float(time[i])

@@ -241,7 +241,7 @@ class Samples:
         known = ages[wrong & np.isfinite(ages)]
         self.says = ""
         if known.size:
-            self.says = f"the state: {clocks.says(float(known[0]), self._max_age)}"
+            self.says = f"the state: {clocks.refusal(float(known[0]), self._max_age)}"
 
 
 def _bare(numbers: Array) -> Array:

@@ -7,11 +7,10 @@ import pytest
 
 from hcbf_gym import _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
-from hcbf_gym.barriers.zone import least_limit
+from hcbf_gym.barriers.speed_limit import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.filter.planar_core import PlanarCore
 from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Reason, Uncertainty
@@ -39,7 +38,7 @@ def filter_of(barriers, *, guidance=None, solver=None, program="lex-cbf-qp", **o
 
 
 class Cart:
-    """An axle that does what it is told, at once."""
+    """An axle that follows its input at once."""
 
     def __init__(self, place, heading):
         self.place, self.heading = np.array(place, dtype=float), float(heading)
@@ -139,7 +138,7 @@ def test_turning_in_place_beside_a_wall_is_never_changed():
 
 @pytest.mark.parametrize("width", [0.76, 0.8])
 @pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (0.2, 0.7, 1.5), (0.3, -0.6, -3.0)])
-def test_a_cart_slides_into_a_door_that_its_circle_passes(width, start):
+def test_a_cart_slides_into_a_doorway_that_its_circle_passes(width, start):
     half = width / 2.0
     door = [
         ConvexPolygon("a", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
@@ -159,7 +158,7 @@ def test_a_cart_slides_into_a_door_that_its_circle_passes(width, start):
     raise AssertionError(f"stands at {cart.place}")
 
 
-def test_what_moves_gives_way_to_what_stands():
+def test_what_moves_is_relaxed_for_what_is_at_rest():
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -1.0)
     mover = Disc("mover", 1, (-1.5, 0.0), 0.2, (0.4, 0.0))
     cart, said, hit = Cart((0.0, 0.0), 0.0), False, False
@@ -274,7 +273,7 @@ def test_a_heading_that_is_none_brakes(heading):
     assert report["status"] == FilterStatus.BACKUP
     assert report["reason"] == Reason.STATE
     corners = np.empty((4, 2))
-    drives.corners(CART, cart.x, 0.5, PERIOD, corners)
+    _core.axle_corners(CART, cart.x, 0.5, PERIOD, corners)
     assert np.abs(u).max() <= np.abs(corners).max() + 1e-9
 
 

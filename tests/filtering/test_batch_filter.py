@@ -1,4 +1,4 @@
-"""The compiled filter by its front door: N plants are N single ones, whatever hands them over."""
+"""The filter of N planar plants: they are N single ones, for arrays of any kind."""
 
 import copy
 import pickle
@@ -174,7 +174,7 @@ PARTS = {
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("name", PARTS)
 @pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
-def test_what_is_not_finite_of_one_plant_brakes_it_alone_whatever_the_type(name, bad, dtype):
+def test_a_nan_of_one_plant_brakes_it_alone_whatever_the_type(name, bad, dtype):
     filt = hcbf_gym.BatchFilter(U, PERIOD, 3)
     filt.set_scene([Disc("far", 1, center=(50.0, 0.0), radius=1.0)])
     filt.reset(x=np.zeros((3, 4)))
@@ -368,7 +368,7 @@ def test_bad_arguments_are_refused_in_words():
     assert len(str(refused.value)) < 300
 
 
-def test_a_copy_goes_on_by_itself():
+def test_a_copy_is_independent():
     x, numbers = drawn(6, 200)
     filt = hcbf_gym.BatchFilter(Ball(4.0), PERIOD, 200, threads=2)
     filt.set_scene(arrays(numbers))

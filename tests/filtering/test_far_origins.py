@@ -161,7 +161,7 @@ class Boat(gym.Env):
         self.at = at
         self.plant = hcbf_gym.Plant(
             models.DoubleIntegrator(), barriers if static else lambda *_: barriers,
-            lambda env, *_: env.said(), period=T, brake=brake,
+            lambda env, *_: env.answers(), period=T, brake=brake,
         )  # fmt: skip
 
     def said(self):
@@ -214,7 +214,7 @@ def test_what_cannot_be_moved_stops_the_robot_with_a_warning():
 
 
 @pytest.mark.filterwarnings("ignore:.*brakes until")
-def test_what_is_no_state_does_not_decide():
+def test_an_invalid_state_does_not_decide():
     env = Boat([Disc("disc", 1, (UTM[0] + 3.0, UTM[1]), 0.5)])
     said, env.said = env.said, lambda: Estimate(np.zeros(4), age=np.inf)
     safe = SafetyFilter(env)

@@ -1,4 +1,4 @@
-"""A region that is nearer than its declared velocity explains is named, whoever returns it."""
+"""A region that is nearer than its declared velocity explains is named, from any API."""
 
 import warnings
 

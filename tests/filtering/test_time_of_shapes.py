@@ -259,7 +259,7 @@ def test_a_static_list_moves_on_over_a_join_where_the_plant_has_a_clock():
         assert info["safety_filter"]["h"][0] == pytest.approx(5.5 + 0.5 * T)
 
 
-def test_a_filter_that_takes_anothers_place_goes_on_from_its_times():
+def test_a_filter_that_takes_anothers_place_takes_its_times():
     robot = Robot(Command(0.8, 1.5, sideways=0.5))
     disc = Disc("disc", 1, (5.0, 0.0), 0.5, (0.5, 0.0))
     before = VelocityFilter(robot, [disc], period=T, radius=0.0)

@@ -1,4 +1,4 @@
-"""Samples at times that vary are no alarm where the plant says so, whatever its model."""
+"""Samples at times that vary are no alarm where the plant reports them, whatever its model."""
 
 import gymnasium as gym
 import numpy as np
@@ -43,7 +43,7 @@ class Jittering(gym.Env):
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("model", [models.DoubleIntegrator(), models.Unicycle()])
 @pytest.mark.filterwarnings("ignore")
-def test_a_varying_period_alarms_only_where_it_is_not_told(model, told):
+def test_a_varying_period_alarms_only_where_it_is_not_reported(model, told):
     env = hcbf_gym.wrappers.SafetyFilter(Jittering(model, told), allow_late_inputs=True)
     env.reset(seed=0)
     rng, action, reasons = np.random.default_rng(0), np.zeros(2), set()
@@ -74,7 +74,7 @@ def test_a_time_between_samples_that_is_none_brakes_and_no_model_carries_a_state
         report = info["safety_filter"]
         assert report["status"] == FilterStatus.BACKUP
         assert np.isfinite(report["u_safe"]).all()
-    env.unwrapped.sample = lambda: Estimate(x)  # it goes on by itself
+    env.unwrapped.sample = lambda: Estimate(x)  # time counts in periods
     *_, info = env.step(np.ones(2))
     assert info["safety_filter"]["reason"] in (Reason.NONE, Reason.CLOCK)
 

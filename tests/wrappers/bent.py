@@ -1,4 +1,4 @@
-"""Bends what a filter is handed, in a process of its own, and says what became of it.
+"""Passes malformed values to filters in another process, and counts what became of them.
 
 ``python -m tests.wrappers.bent 20000`` prints how many were refused, braked and filtered.
 """
@@ -151,7 +151,7 @@ listed = st.one_of(
 
 
 class Point(gym.Env):
-    """A point that stands; what matters is what the filter is told."""
+    """A point at rest; what matters is what the filter gets."""
 
     action_space = gym.spaces.Box(-5.0, 5.0, (2,), np.float64)
     observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
@@ -166,7 +166,7 @@ class Point(gym.Env):
 
 
 def is_sound(told) -> bool:
-    """Whether a filter may believe what it is told, judged on its own terms."""
+    """Whether a filter may accept what it gets, judged independently."""
     estimate = told if isinstance(told, Estimate) else Estimate(told)
 
     def fits(value, *allowed):
@@ -290,7 +290,7 @@ def places(value, path=()):
 
 @st.composite
 def scenes(draw):
-    """Draw a scene of which entries are bent, left out or not known."""
+    """Draw a scene of which entries are malformed, left out or unknown."""
     made = scenarios.make(draw(st.sampled_from(SCENES)), np.random.default_rng(0)).to_dict()
     made = copy.deepcopy(made)
     for _ in range(draw(st.integers(1, 2))):
@@ -331,7 +331,7 @@ def scene(told, options, door):
 
 
 class ToldBatch(RegionsVectorEnv):
-    """This package's batch, whose states are bent."""
+    """This package's batch with malformed states."""
 
     told: Any = None
 
@@ -341,7 +341,7 @@ class ToldBatch(RegionsVectorEnv):
 
 
 class ForeignBatch(ToldBatch):
-    """Another batch, which brings a plant of its own."""
+    """Another batch, which brings its plant."""
 
     @property
     def plant(self):
@@ -376,7 +376,7 @@ places_or_values = st.one_of(
     st.integers(0, 2),
 )
 def guided(goal, told, extent, guidance, solver, resets):
-    """Guidance before a reset, after one that failed, and with bent goals and states."""
+    """Guidance before a reset, after one that failed, and with malformed goals and states."""
     plant = hcbf_gym.Plant(
         models.DoubleIntegrator(), (WALL,), lambda *_: told, period=PERIOD, goal=goal, extent=extent
     )
@@ -399,7 +399,7 @@ def guided(goal, told, extent, guidance, solver, resets):
     st.sampled_from([None, "geodesic", "local"]),
 )
 def driven(goal, poses, twist, guidance):
-    """A loop of one's own, whose messages are bent from the first one on."""
+    """A user's loop, whose messages are malformed from the first one on."""
     loop = hcbf_robots.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
     for k, pose in enumerate(poses):
         told = (0.0, 0.0, 0.0) if type(twist) is float and twist == 0.0 else twist

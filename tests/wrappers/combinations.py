@@ -1,6 +1,6 @@
 """Random combinations of model, input, program, shape and fault, judged between samples.
 
-``python -m tests.wrappers.combinations 1000`` prints how many steps were said to be what; it fails
+``python -m tests.wrappers.combinations 1000`` counts the statuses; it fails
 where a strict condition is entered under NOMINAL, SAFE or RELAXED.
 """
 

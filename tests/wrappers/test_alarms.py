@@ -76,7 +76,7 @@ SENSORS = {
     "half": lambda: lambda x: np.array([0.5 * x[0], 0.5 * x[1], *x[2:]]),
     "twice": lambda: lambda x: np.array([2.0 * x[0], 2.0 * x[1], *x[2:]]),
     "a fifth more": lambda: lambda x: np.array([1.2 * x[0], 1.2 * x[1], *x[2:]]),
-    "velocity of nobody": lambda: lambda x: np.array([*x[:2], 0.0, 0.0]),
+    "velocity of another": lambda: lambda x: np.array([*x[:2], 0.0, 0.0]),
 }
 
 
@@ -103,7 +103,7 @@ def seconds_until_warned(sensor, policy, most=3.0):
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_a_position_that_does_not_move_as_the_velocity_says_is_noticed(sensor):
+def test_a_position_that_does_not_move_as_the_velocity_does_is_noticed(sensor):
     def drives(t, x):
         return np.clip(5.0 * (np.array([0.8, 0.1]) - x[2:]), -2.0, 2.0)
 

@@ -1,4 +1,4 @@
-"""Whatever a filter is handed: no raw error, no crash, and nothing unknown passes."""
+"""Any values: no raw error, no crash, and nothing unknown passes."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Nothing unknown passes the filter, whichever core it has: it brakes, says why, and goes on."""
+"""Nothing unknown passes the filter, whatever its model: it brakes with a reason, and continues."""
 
 import math
 import re
@@ -67,7 +67,7 @@ class World(gym.Env):
 
 
 class Reader:
-    """Says the truth, or for one call whatever `says` holds."""
+    """Returns the truth, or for one call what `sends` holds."""
 
     def __init__(self):
         self.says = []
@@ -120,7 +120,7 @@ def moving(**arguments):
 
 
 @pytest.mark.parametrize("bent", BENT, ids=label)
-def test_a_state_that_is_none_brakes_at_once_and_the_filter_goes_on_after_it(bent):
+def test_an_invalid_state_brakes_at_once_and_the_filter_continues_after_it(bent):
     env, reader, world = moving()
     speed = world.x[2]
     reader.says = [bent]
@@ -188,7 +188,7 @@ def test_every_part_of_an_estimate_is_looked_at_as_it_is_at_a_reset(fields, reas
     assert (braked(info), said(info)[1]) == (bool(reason), reason)
 
 
-def test_a_clock_that_stands_brakes_until_it_goes_on():
+def test_a_clock_that_is_at_rest_brakes_until_it_advances():
     env, reader, world = filtered()
     times = [0.0, 0.0, 0.05, 0.05, 0.02, 0.1]  # the first two are of the reset and its first step
     reasons = []
@@ -197,7 +197,7 @@ def test_a_clock_that_stands_brakes_until_it_goes_on():
         if k == 0:
             _, info = env.reset(seed=0)
         elif k == 3:
-            with pytest.warns(UserWarning, match="time of the state does not go on"):
+            with pytest.warns(UserWarning, match="time of the state does not advance"):
                 *_, info = env.step(PUSH)
         else:
             *_, info = env.step(PUSH)
@@ -206,7 +206,7 @@ def test_a_clock_that_stands_brakes_until_it_goes_on():
 
 
 @pytest.mark.filterwarnings("ignore:safety filter. the plant's period is not known")
-def test_a_plant_says_how_it_brakes_and_nonsense_from_it_is_the_input_nearest_0():
+def test_a_plant_declares_how_it_brakes_and_nonsense_from_it_is_the_input_nearest_0():
     for brake, period, expected in (
         ([-1.0, 0.5], T, (-1.0, 0.5)),
         (lambda x: [-9.0, x[1]], T, (-2.0, 0.0)),
@@ -235,7 +235,7 @@ def test_before_the_first_good_state_it_applies_what_the_plant_declared_or_nothi
 
 @dataclass(frozen=True)
 class Own(Barrier):
-    """A user's own barrier, which says whatever it is told to."""
+    """A user's own barrier, which returns what it is given."""
 
     says: object = None
 
@@ -314,7 +314,7 @@ def test_an_alarm_of_the_plant_lasts_until_the_reset(on_alarm):
     assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
 
 
-def test_a_plant_that_does_not_do_what_it_is_told_is_an_alarm():
+def test_a_plant_that_does_not_apply_its_input_is_an_alarm():
     env, _, world = filtered(on_alarm="brake")
     env.reset(seed=0)
     world.model = models.ControlAffine(lambda x: POINT.f(x), lambda x: 0.2 * POINT.g(x), n=4, n_u=2)
@@ -338,7 +338,7 @@ def test_a_report_has_the_same_keys_and_types_whatever_happens():
         assert third["safety_filter"][code].dtype == np.int64
 
 
-def test_an_unknown_period_is_told_and_no_error():
+def test_an_unknown_period_is_a_warning_and_no_error():
     with pytest.warns(UserWarning, match="period is not known"):
         env, reader, world = filtered(period=None)
     env.reset(seed=0)
@@ -379,7 +379,7 @@ def test_nothing_that_is_not_finite_is_ever_nominal(values, field):
 @settings(max_examples=100, deadline=None)
 @given(st.sampled_from(Jet._fields), anything)
 @pytest.mark.filterwarnings("ignore:safety filter")
-def test_no_jet_that_is_bent_becomes_a_row(field, value):
+def test_no_malformed_jet_becomes_a_row(field, value):
     own = Own("own", 1, lambda jet: jet._replace(**{field: value}))
     env, _, world = filtered(barriers=lambda env, observation, info: [own])
     try:

@@ -85,7 +85,7 @@ def plant(barriers=lambda env, *_: env.scenes, state=seen, **fields):
 
 
 class One(gym.Env):
-    """Plant i of the batch, by itself."""
+    """Plant i of the batch, alone."""
 
     def __init__(self, i):
         self.i, self.whole = i, Batch()
@@ -105,7 +105,7 @@ class One(gym.Env):
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_each_plant_is_filtered_as_by_itself_and_begins_anew(mode, threads):
+def test_each_plant_is_filtered_as_alone_and_begins_anew(mode, threads):
     envs = VectorSafetyFilter(Batch(mode), plant=plant(), threads=threads)
     envs.reset()
     singles = [SafetyFilter(One(i)) for i in range(N)]
@@ -183,7 +183,7 @@ def test_actions_are_translated_both_ways():
     np.testing.assert_array_equal(info["safety_filter"]["u_safe"], other["safety_filter"]["u_safe"])
 
 
-def test_what_is_no_batch_of_plants_is_refused_in_words():
+def test_another_batch_is_refused_in_words():
     with pytest.raises(InvalidInputError, match="brings no plant"):
         VectorSafetyFilter(Batch())
     silent = Batch()

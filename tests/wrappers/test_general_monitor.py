@@ -1,4 +1,4 @@
-"""When the filter of any model says that the plant is not the one that was declared."""
+"""When the filter of any model raises an alarm."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ PLANTS = {
 
 
 def inputs(u_set, seed, count):
-    """What a policy may ask for: each held for a while, of any size."""
+    """Nominal inputs: each held for a while, of any size."""
     rng = np.random.default_rng(seed)
     held = rng.uniform(u_set.low, u_set.high, (count // 10 + 1, u_set.n_u))
     return np.repeat(held * rng.random((len(held), 1)), 10, axis=0)[:count]
@@ -169,7 +169,7 @@ WRONG = {
 
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("integrate", [None, semi_implicit], ids=["exact", "semi-implicit"])
-def test_a_position_that_does_not_move_as_the_velocity_says_is_seen_within_half_a_second(
+def test_a_position_that_does_not_move_as_the_velocity_does_is_seen_within_half_a_second(
     wrong, integrate
 ):
     found, k = alarm("point", integrate, shown(WRONG[wrong]), drive=forward)

@@ -1,4 +1,4 @@
-"""What is handed over stays the caller's, who may change it; so does what comes back."""
+"""Arguments stay the caller's, who may change them; so do returned values."""
 
 from collections import OrderedDict, deque
 from typing import NamedTuple
@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from hcbf_gym import BatchFilter, Plant, models, wrappers
-from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier, general
+from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.many import Several
+from hcbf_gym.barriers.prepared import Prepared, prepared
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Coverage
 from hcbf_robots import VelocityFilter
@@ -93,7 +94,7 @@ INPUTS = {
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("given", INPUTS)
-def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(given):
+def test_a_source_of_barriers_that_is_moved_in_place_is_seen(given):
     one = Post()
     step = INPUTS[given](one)
     step()
@@ -121,7 +122,7 @@ class Broken(Post):
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("error", [ValueError("broken"), OSError("unplugged")])
 @pytest.mark.parametrize("given", INPUTS)
-def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(given, error):
+def test_a_source_of_barriers_that_fails_stops_the_robot_until_it_is_back(given, error):
     one = Broken()
     step = INPUTS[given](one)
     before = step()
@@ -133,7 +134,7 @@ def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(giv
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("given", INPUTS)
-def test_what_stands_for_barriers_stands_for_no_other_that_does(given):
+def test_a_source_of_barriers_holds_no_other_source(given):
     one = Post()
     one.conditions[0] = Post()
     if given == "a reader":  # which may say better later
@@ -196,18 +197,18 @@ class Own(PlanarBarrier):
 
 
 def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
-    """Whatever the other asks for between two lines."""
+    """Whatever the other requests between two lines."""
     rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
     mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
-    compare = general.are_same
+    compare = Prepared.is_of
 
     def interrupted(one, other):
         found = compare(one, other)
-        rows._latest = rows.prepared(others)
+        rows._latest = prepared(BarrierSet(others), rows.functions, rows.reach)
         return found
 
     rows.prepare(mine)
-    monkeypatch.setattr(general, "are_same", interrupted)
+    monkeypatch.setattr(Prepared, "is_of", interrupted)
     for _ in range(3):
         assert rows.prepare(mine).scenes[0][0] is mine[0][0]
 
@@ -342,7 +343,7 @@ def test_ones_own_kind_of_shape_is_looked_at_as_it_is_wherever_it_lies(start):
     assert before - door.step((0.0, 0.0), pose, twist, 0.05)[1]["h"][0] == pytest.approx(1.0)
 
 
-def test_what_a_robot_is_told_may_be_written_to():
+def test_an_action_may_be_written_to():
     def to_action(u):
         u *= 2.0
         return u
@@ -365,7 +366,7 @@ def test_an_environments_estimate_is_not_its_world():
     np.testing.assert_array_equal(env.rom_state, before)
 
 
-def test_a_scan_keeps_points_of_its_own():
+def test_a_scan_copies_its_points():
     points = np.array([[1.0, 0.0], [1.0, 0.01]])
     scan = Scan("scan", points, (0.0, 0.0, 0.0))
     points[:] = 9.0

@@ -1,4 +1,4 @@
-"""Robots that follow late, told by the environments' own adapter, which turns them as they go."""
+"""Robots that follow late, commanded by the environments' adapter, which turns them as they go."""
 
 import math
 from dataclasses import replace
@@ -16,8 +16,8 @@ from hcbf_robots import Command
 from hcbf_robots.walkers.walker_adapter import Adapter
 from hcbf_robots.walkers.walker_margins import braked, speed_row, stops, uncertainty
 from hcbf_robots.walkers.walker_parts import HEADINGS
-from tests.online.test_turning import EXACT
-from tests.online.test_unmeasured import Lagged
+from tests.online.followers import Lagged
+from tests.online.test_measured import EXACT
 
 PERIOD = 0.02
 WALLS = [
@@ -27,7 +27,7 @@ WALLS = [
 
 
 class Late(gym.Env):
-    """A robot that the adapter tells what its model does, as an environment of walkers does."""
+    """A robot that the adapter commands, as an environment of walkers does."""
 
     observation_space = gym.spaces.Box(-np.inf, np.inf, (4,))
     action_space = gym.spaces.Box(-5.0, 5.0, (2,), dtype=np.float64)

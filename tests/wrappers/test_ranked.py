@@ -1,4 +1,4 @@
-"""Costs by rank, and observations that tell ranks, in every random scene alike."""
+"""Costs by rank, and observations with ranks, in every random scene alike."""
 
 import gymnasium as gym
 import numpy as np
@@ -46,7 +46,7 @@ def test_costs_are_depths_by_rank_and_the_cost_is_rank_one_alone():
 def test_a_speed_above_its_limit_costs_and_has_no_metres():
     disc, limit = Disc("disc", 2, center=(9.0, 0.0), radius=1.0), SpeedLimit("speed", 1, 0.5)
     scenes = BarrierSet([(disc, limit)] * 2)
-    cost, costs = task.costs_of(np.array([[0.1, -0.2], [-0.3, 0.1]]), *task.Ranked.of(scenes))
+    cost, costs = task.costs_of(np.array([[0.1, -0.2], [-0.3, 0.1]]), scenes, 2)
     np.testing.assert_array_equal(cost, [1.0, 0.0])
     np.testing.assert_array_equal(costs, [[0.0, 0.0], [0.0, 0.3]])
 
@@ -82,7 +82,7 @@ def test_a_held_decision_costs_what_its_steps_do():
 
 
 @pytest.mark.parametrize("family", sorted(families()))
-def test_observations_of_all_random_scenes_have_one_length_and_tell_the_ranks(family):
+def test_observations_of_all_random_scenes_have_one_length_and_the_ranks(family):
     env = RankedObservation(gym.make(ROM, scenario=family))
     observation, info = env.reset(seed=3)
     assert observation.shape == env.observation_space.shape == (8 + 6 * 27,)

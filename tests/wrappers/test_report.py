@@ -17,7 +17,7 @@ def filtered(solver=None):
 
 
 @pytest.mark.parametrize("solver", [None, "daqp"])
-def test_one_plant_tells_every_field_as_an_array_or_a_scalar_of_numpy(solver):
+def test_one_plant_reports_every_field_as_an_array_or_a_scalar_of_numpy(solver):
     env = filtered(solver)
     _, at_reset = env.reset(seed=0)
     *_, at_step = env.step(U)
@@ -32,7 +32,7 @@ def test_one_plant_tells_every_field_as_an_array_or_a_scalar_of_numpy(solver):
             assert told[name].shape == told["slack"].shape
 
 
-def test_a_batch_tells_the_same_fields_with_a_leading_axis():
+def test_a_batch_reports_the_same_fields_with_a_leading_axis():
     envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3), guidance="geodesic")
     envs.reset(seed=0)
     *_, info = envs.step(np.tile(U, (3, 1)))

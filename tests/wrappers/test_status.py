@@ -1,4 +1,4 @@
-"""What the filter says of a robot that stands inside a strict region."""
+"""The report of a robot that is at rest inside a strict region."""
 
 import warnings
 from dataclasses import replace

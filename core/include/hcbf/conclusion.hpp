@@ -96,7 +96,7 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   const bool believed = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
   if (believed) {
     const auto lack =
-        status::shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::LEANING],
+        status::shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::USABLE],
                           w.rows[PSI], c.dip, c.sway, c.rows.alpha1);
     violated = status::is_violated(p.plant.judged, lack, p.plant.elapsed, c.settles);
     p.report.proved = !status::lacks(lack);
