@@ -5,25 +5,19 @@ from collections.abc import Sequence
 
 from hcbf_gym import cli
 
-PICTURES = {
+PICTURES = {  # name → module with `Args` and `main(args)`
     "between-samples": "benchmarks.pictures.between_samples",
     "conflict": "benchmarks.pictures.conflict",
     "gallery": "benchmarks.pictures.gallery",
-    "guidance": "benchmarks.pictures.guidance",
+    "guidance": "benchmarks.pictures.fields",
     "input-plane": "benchmarks.pictures.input_plane",
-    "maps": "benchmarks.pictures.maps",
+    "maps": "benchmarks.pictures.fields",
     "weights": "benchmarks.pictures.weights",
 }
-"""name → module with `Args` and `main(args)`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Take figures or draw pictures; an error of the package ends it in one line.
-
-    Args:
-        arguments: those of the figures, or a name of `PICTURES` and its own; None for those of the
-            process.
-    """
+    """Take figures or draw pictures; an error of the package ends it in one line."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     name = arguments.pop(0) if arguments and arguments[0] in PICTURES else ""
     module = PICTURES.get(name, "benchmarks.command")

@@ -1,7 +1,7 @@
 """Attacks on the A1 with one argument that a certificate leaves out: what `tested.json` rests on.
 
 ``python -m benchmarks.alone`` prints a line for each end of a range that was tested alone. Finished
-episodes are kept in ``results/alone``: a run that was interrupted goes on where it stopped.
+episodes are kept in ``results/alone``: a run that was interrupted continues there.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 
 from benchmarks.strict.lines import BOTH, Line
-from benchmarks.strict.suite import outcomes, summary, table
+from benchmarks.strict.suite import outcomes, summaries, summary
 from hcbf_gym.evaluation.attacks import ATTACKS
 
 PUSHES = {"kind": "random", "interval": 2.0, "impulse": [2.0, 2.0]}
@@ -39,7 +39,7 @@ def main(seeds: int = 3, only: str = "") -> None:
             line = Line("alone", name, tuple(ATTACKS), seeds, BOTH, options)
             seen = outcomes(line.episodes(quick=False), Path("results/alone"), title=name)
             groups.append({"section": line.section, "name": name} | summary(seen))
-    Console().print(table("one argument beyond the mixture", groups, {}).rich())
+    Console().print(summaries("one argument beyond the mixture", groups, {}).rich())
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Run suites one after the other, and publish what came out if that is asked for."""
+    """Run suites one after the other, and publish the figures if requested."""
     names = list(SUITES) if args.suite == ("all",) else list(args.suite)
     for name in names:
         suite = choose("suite", name, SUITES)
@@ -88,6 +88,6 @@ def _check(root: Path, console: Console) -> None:
 
 
 def _plain(figures: Any) -> Any:
-    """Return figures as JSON holds them: NumPy's as Python's, and None for what is not finite."""
+    """Return figures as JSON holds them: NumPy's as Python's, and None for infinities and NaN."""
     text = json.dumps(figures, default=lambda value: np.asarray(value).tolist())
     return json.loads(text, parse_constant=lambda _: None)

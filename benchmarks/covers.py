@@ -61,8 +61,8 @@ def main() -> None:
     for cells_of in (rasters(args.side), maps()):
         for name, cells in cells_of:
             made, seconds = timed(cells)
-            says = f"{len(made.sizes):,} pieces" if isinstance(made, Cover) else f"refused: {made}"
-            print(f"{name:22} {cells.size:>10,} cells {seconds:6.2f} s  {says}", flush=True)
+            what = f"{len(made.sizes):,} pieces" if isinstance(made, Cover) else f"refused: {made}"
+            print(f"{name:22} {cells.size:>10,} cells {seconds:6.2f} s  {what}", flush=True)
 
 
 if __name__ == "__main__":

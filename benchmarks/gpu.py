@@ -26,22 +26,10 @@ SOURCE = CORE / "cuda" / "filter.cu"
 U = Box.symmetric(5.0)
 RADIUS = float(U.radius)
 SETTINGS = RowSettings(period=0.02, u_max=RADIUS, limits=((-5.0, -5.0), (5.0, 5.0)))
-STANDARD = [
-    "algorithm",
-    "array",
-    "cmath",
-    "cstddef",
-    "cstdint",
-    "cstdlib",
-    "cstring",
-    "limits",
-    "optional",
-    "utility",
-    "vector",
-]
-"""Headers that NVRTC has none of; the kernel's first lines stand in for them."""
+STANDARD = ("algorithm", "array", "cmath", "cstddef", "cstdint", "cstdlib", "cstring", "limits",
+            "utility", "vector")  # fmt: skip
 LIBRARIES = "libnvrtc-builtins", "libnvrtc"  # the second looks for the first
-THREADS = 128  # of a block
+THREADS, RUNS = 128, 21  # of a block, and whose median counts
 
 
 class Scenes(NamedTuple):
@@ -157,13 +145,16 @@ def compiled() -> bytes:
     return text.value
 
 
-def on_gpu(ptx: bytes, scenes: Scenes, runs: int = 21) -> tuple[Answer, float]:
+def on_gpu(ptx: bytes, scenes: Scenes) -> tuple[Answer, float]:
     """Return the kernel's answer, and the median time that it takes [s]."""
     cuda, answer = ctypes.CDLL("libcuda.so.1"), empty(scenes)
 
     def call(name: str, *arguments: Any) -> None:
         if code := getattr(cuda, name)(*arguments):
             raise HcbfError(f"{name}: got error {code}, expected 0")
+
+    def copy(name: str, one: Any, other: Any, size: int) -> None:
+        call(name, one, other, ctypes.c_size_t(size))
 
     context, module, kernel = (ctypes.c_void_p() for _ in range(3))
     call("cuInit", 0)
@@ -175,27 +166,17 @@ def on_gpu(ptx: bytes, scenes: Scenes, runs: int = 21) -> tuple[Answer, float]:
     places = [ctypes.c_uint64() for _ in arrays]
     for place, array in zip(places, arrays, strict=True):
         call("cuMemAlloc_v2", ctypes.byref(place), ctypes.c_size_t(array.nbytes))
-        call(
-            "cuMemcpyHtoD_v2",
-            place,
-            ctypes.c_void_p(array.ctypes.data),
-            ctypes.c_size_t(array.nbytes),
-        )
+        copy("cuMemcpyHtoD_v2", place, ctypes.c_void_p(array.ctypes.data), array.nbytes)
     given = problem(scenes, [place.value for place in places])
     arguments = (ctypes.c_void_p * 1)(ctypes.addressof(given))
     blocks, times = -(-len(scenes.x) // THREADS), []
-    for _ in range(runs):
+    for _ in range(RUNS):
         start = time.perf_counter()
         call("cuLaunchKernel", kernel, blocks, 1, 1, THREADS, 1, 1, 0, None, arguments, None)
         call("cuCtxSynchronize")
         times.append(time.perf_counter() - start)
     for place, array in zip(places[-4:], answer, strict=True):
-        call(
-            "cuMemcpyDtoH_v2",
-            ctypes.c_void_p(array.ctypes.data),
-            place,
-            ctypes.c_size_t(array.nbytes),
-        )
+        copy("cuMemcpyDtoH_v2", ctypes.c_void_p(array.ctypes.data), place, array.nbytes)
     return answer, statistics.median(times)
 
 

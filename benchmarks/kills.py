@@ -1,7 +1,7 @@
 """A run that is killed again and again, and ends as one that was left alone.
 
 ``python -m benchmarks.kills`` counts entries of hostile episodes on the reduced-order model, while
-workers, a node and the whole command are killed at random, and says what was run again. Linux.
+workers, a node and the whole command are killed at random, and counts what was run again. Linux.
 """
 
 import contextlib
@@ -31,8 +31,7 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.workers import Backend
 
 FIRST_SEED = 11_000_000
-MARK = "HCBF_KILLS"
-"""The variable by which processes of this run are told from all others."""
+MARK = "HCBF_KILLS"  # The variable that marks processes of this run
 
 
 def walk(seed: int, log: Path) -> float:
@@ -57,7 +56,7 @@ def _notes(file: Path) -> list[list[int]]:
 
 
 def count(folder: Path, episodes: int, backend: Backend) -> None:
-    """Run what is missing in the folder, and write what all of it says."""
+    """Run what is missing in the folder, and write the result of all."""
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
     runs = Runs(folder / "episodes", 2 if backend == "processes" else None, backend)
     least = in_order(runs.over(functools.partial(walk, log=folder), seeds))
@@ -75,15 +74,7 @@ def count(folder: Path, episodes: int, backend: Backend) -> None:
 def broken(
     folder: Path, episodes: int, backend: Backend, kills: int, rng: random.Random
 ) -> dict[str, Any]:
-    """Run the count while it is killed; return how often whom, and what ran again.
-
-    Args:
-        folder: of the run.
-        episodes: to count.
-        backend: who runs them; on Ray, one of two nodes is killed half way.
-        kills: how often.
-        rng: decides when, and whom.
-    """
+    """Run the count while it is killed; return how often whom, and what ran again."""
     folder.mkdir()
     killed = {"workers": 0, "commands": 0, "nodes": 0}
     os.environ[MARK] = folder.name
@@ -136,7 +127,7 @@ def _kill_worker(folder: Path, rng: random.Random) -> int:
 
 
 def _is_ours(pid: int, name: str) -> bool:
-    """Tell whether a process lives and was begun by this run."""
+    """Return whether a process lives and was begun by this run."""
     try:
         return f"{MARK}={name}".encode() in Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
     except OSError:
@@ -193,10 +184,10 @@ def main(
             figures[backend] = found | {"same": same}
             share = 1.0 - found["run again"] / found["episodes"]
             rows.append((backend, *map(str, found.values()), f"{share:.1%}", str(same)))
-        told = json.loads(expected)
+        all_of = json.loads(expected)
     header = ("killed", "workers", "commands", "nodes", "episodes", "finished, run again")
     header += ("not run again", "same bits")
-    bound = f"{told['entered']} of {told['episodes']} entered, at most {told['bound']:.2%}"
+    bound = f"{all_of['entered']} of {all_of['episodes']} entered, at most {all_of['bound']:.2%}"
     Console(width=120).print(Table(f"Killed and resumed: {bound}", header, rows).rich())
     if not all(f["same"] and f["run again"] <= 0.1 * f["episodes"] for f in figures.values()):
         raise SystemExit("kills: expected the same result, and 90 % of the episodes not run again")

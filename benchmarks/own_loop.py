@@ -1,14 +1,14 @@
 """A robot's own loop behind `VelocityFilter`, as a node runs it: robots, planners, links.
 
-What drives in it is a lag of first order, or a walker in MuJoCo; odometry comes as often, as late
-and as seldom as a `Link` says.
+What drives in it is a lag of first order, or a walker in MuJoCo; odometry comes as often and
+as late as its `Link` lets it.
 """
 
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,38 +22,23 @@ from hcbf_robots import Command, Robot, VelocityFilter
 from hcbf_robots.identification.identify import Runner
 from hcbf_robots.walkers import Walker
 
-PERIOD = 0.05
-"""Of the commands [s]."""
-START = 100.0
-"""On the robot's clock [s]."""
+PERIOD = 0.05  # Of the commands [s]
+START = 100.0  # On the robot's clock [s]
 LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
 """From one command to the next, as robots look for one at every control step [s]."""
-Planner = Callable[[Array], Array]
-"""Pose (3,) → command (k,)."""
+Planner = Callable[[Array], Array]  # Pose (3,) → command (k,)
 
 
 class Body(NamedTuple):
-    """A robot that follows commands by a lag of first order, on a floor without friction.
+    """A robot that follows commands by a lag of first order, on a floor without friction."""
 
-    Attributes:
-        robot: what the filter knows of it.
-        lag: τ [s].
-        delay: δ [s].
-    """
-
-    robot: Robot
-    lag: float
-    delay: float = 0.0
+    robot: Robot  # what the filter knows of it
+    lag: float  # τ [s]
+    delay: float = 0.0  # δ [s]
 
 
 class Moving:
-    """A simulated robot: one of `Body`, or a walker in MuJoCo.
-
-    Attributes:
-        pose: (3,) x, y and θ of its centre or axle [m, rad].
-        twist: (3,) in its own axes [m/s, rad/s].
-        fallen: whether it has fallen.
-    """
+    """A simulated robot: one of `Body`, or a walker in MuJoCo."""
 
     def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
         self._runner = Runner(body, seed) if isinstance(body, Walker) else None
@@ -97,48 +82,28 @@ class Moving:
 
 
 class Link(NamedTuple):
-    """What lies between a robot's odometry and the filter.
+    """The connection of a robot's odometry and the filter."""
 
-    Attributes:
-        rate: of odometry [Hz].
-        late: how old it is when it comes [s].
-        jitter: share by which that varies.
-        lost: share that never comes.
-        burst: how many are lost together.
-    """
-
-    rate: float = 50.0
-    late: float = 0.0
-    jitter: float = 0.0
-    lost: float = 0.0
-    burst: int = 1
+    rate: float = 50.0  # of odometry [Hz]
+    late: float = 0.0  # how old it is when it comes [s]
+    jitter: float = 0.0  # share by which that varies
+    lost: float = 0.0  # share that never comes
+    burst: int = 1  # how many are lost together
 
 
 PERFECT = Link()
 
 
 class Driven(NamedTuple):
-    """What a loop showed.
+    """What a loop showed."""
 
-    Attributes:
-        path: (k, 3) poses at every control step.
-        least: the least distance of the robot's circle from a strict region [m].
-        statuses: (6,) how often each was said.
-        alarms: reasons from the first alarm on.
-        alarmed: when the first was raised [s]; infinite for never.
-        longest: 99th percentile of a step [s].
-        fell: whether the robot fell, where the loop ends.
-        told: (k, n) commands.
-    """
-
-    path: Array
-    least: float
-    statuses: Array
-    alarms: set[int]
-    alarmed: float
-    longest: float
-    fell: bool
-    told: Array
+    path: Array  # (k, 3) poses at every control step
+    least: float  # the least distance of the robot's circle from a strict region [m]
+    statuses: Array  # (6,) how often each was reported
+    alarms: set[int]  # reasons from the first alarm on
+    longest: float  # 99th percentile of a step [s]
+    fell: bool  # whether the robot fell, where the loop ends
+    commands: Array  # (k, n)
 
     @property
     def length(self) -> float:
@@ -147,7 +112,7 @@ class Driven(NamedTuple):
 
 
 def loop(
-    door: VelocityFilter,
+    safe: VelocityFilter,
     robot: Moving,
     planner: Planner,
     reach: float,
@@ -166,32 +131,32 @@ def loop(
     """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes.
 
     Args:
-        door: the filter.
+        safe: the filter.
         robot: the robot.
-        planner: what it shall do.
+        planner: pose → nominal command.
         reach: radius of the circle that must stay outside [m].
         seconds: how long at most.
         link: of the odometry.
         seed: of what is lost and late.
         until: pose → whether it has arrived.
         walls: what is there; None for what the filter knows.
-        sees: called in every control step, with the time [s], before what the filter is asked.
+        sees: called at every control step with the time [s], before the filter.
         senses: the time [s] and the robot → pose and twist of its odometry.
         period: of the commands [s].
     """
     rng = np.random.default_rng(seed)
-    regions = BarrierSet([door.barriers if walls is None else walls])
+    regions = BarrierSet([safe.barriers if walls is None else walls])
     strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
     waiting: list[tuple[float, float, Array, Array]] = []
     newest: tuple[float, Array, Array] | None = None
-    path, told, spent, alarms = [], [], [], set[int]()
+    path, commands, spent, alarms = [], [], [], set[int]()
     statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
-    said, commanded, alarmed = -np.inf, -np.inf, np.inf
+    sent = commanded = -np.inf
     for k in range(round(seconds / CONTROL_DT)):
         now = START + CONTROL_DT * k
         sees(now, robot)
-        if now - said >= 1.0 / link.rate - 1e-9:
-            said = now
+        if now - sent >= 1.0 / link.rate - 1e-9:
+            sent = now
             if dropped == 0 and rng.random() * link.burst < link.lost:
                 dropped = link.burst
             if dropped:
@@ -205,25 +170,53 @@ def loop(
         if newest is not None and now - commanded >= period - 1e-9:
             commanded = now if now - commanded > 2.0 * period else commanded + period
             began = time.perf_counter()
-            _, report = door.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
+            _, report = safe.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
             spent.append(time.perf_counter() - began)
             statuses[int(report["status"])] += 1
             if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
-                alarmed = min(alarmed, now)
-        robot.go(door.command_at(now))
+        robot.go(safe.command_at(now))
         path.append(robot.pose)
-        told.append(door.command_at(now))
+        commands.append(safe.command_at(now))
         x = np.array([[*robot.pose[:2], 0.0, 0.0]])
         h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
         least = min(least, float(h[strict].min(initial=np.inf)) - reach)
         if robot.fallen or until(robot.pose):
             break
     longest = float(np.quantile(spent[5:] or [0.0], 0.99))
-    fell = robot.fallen
     return Driven(
-        np.array(path), least, statuses, alarms, alarmed - START, longest, fell, np.array(told)
-    )
+        np.array(path), least, statuses, alarms, longest, robot.fallen, np.array(commands),
+    )  # fmt: skip
+
+
+def drive(
+    known: Any,
+    barriers: Sequence[Any],
+    planner: Planner,
+    seconds: float,
+    body: Any = None,
+    start: Array | None = None,
+    seed: int = 0,
+    options: Mapping[str, Any] | None = None,
+    **of_loop: Any,
+) -> Driven:
+    """Run the loop of a robot that the filter knows, or of another body behind that filter.
+
+    Args:
+        known: a walker or a robot.
+        barriers: of the filter.
+        planner: pose → nominal command.
+        seconds: how long at most.
+        body: what drives; None for what is known.
+        start: pose (3,); None for the origin.
+        seed: of the body and of the link.
+        options: further arguments of the filter.
+        of_loop: further arguments of `loop`.
+    """
+    of_filter: dict[str, Any] = {"period": LONGEST} | dict(options or {})
+    safe = VelocityFilter(known, barriers, **of_filter)
+    robot = Moving(known if body is None else body, np.zeros(3) if start is None else start, seed)
+    return loop(safe, robot, planner, known.reach, seconds, seed=seed, **of_loop)
 
 
 def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
@@ -245,21 +238,17 @@ def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float
     return plan
 
 
-def gap(width: float, offset: float = 0.0) -> list[Barrier]:
+def gap(width: float) -> list[Barrier]:
     """Return two walls 2 m ahead with a gap between them."""
-    low, high = offset - 0.5 * width, offset + 0.5 * width
+    half = 0.5 * width
     return [
-        ConvexPolygon("left", 1, ((2.0, high), (2.15, high), (2.15, 4.0), (2.0, 4.0))),
-        ConvexPolygon("right", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, low), (2.0, low))),
+        ConvexPolygon("left", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
+        ConvexPolygon("right", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, -half), (2.0, -half))),
     ]
 
 
 def hostile(
-    barriers: Sequence[Barrier],
-    command: Command,
-    rng: np.random.Generator,
-    *,
-    wanders: bool = True,
+    barriers: Sequence[Barrier], command: Command, rng: np.random.Generator, *, wanders: bool = True
 ) -> Planner:
     """Return a planner that drives at the nearest region, wanders, backs off and spins in turn.
 

@@ -1,7 +1,7 @@
 """What others offer for the same job, as calls to be timed; needs the extra `benchmark`.
 
 cbfpy runs at its best: ElastiQP solves, which its README calls much faster than qpax on a CPU, to
-the tolerance that it asks for, in 64 bit, with one thread each for Eigen and BLAS. JAX reads that
+the tolerance that it requires, in 64 bit, with one thread each for Eigen and BLAS. JAX reads that
 before its first computation, so this module is imported before anything uses JAX.
 """
 
@@ -55,9 +55,6 @@ class _Shapes(cbfpy.CBFConfig):
     """cbfpy's double integrator among shapes, |u_i| ≤ 5, and its usual ``α(h) = h``, twice.
 
     It knows no ranks: every row may be violated at its usual price.
-
-    Args:
-        shapes: discs and half-planes.
     """
 
     def __init__(self, shapes: Sequence[Shape]) -> None:
@@ -85,13 +82,7 @@ class _Shapes(cbfpy.CBFConfig):
 def cbfpy_filter(
     shapes: Sequence[Shape] = TWO_DISCS, x: Array = MOVING, u_nominal: Array = WANTED
 ) -> Callable[[], Array]:
-    """Return a call of cbfpy's compiled `safety_filter`, NumPy in and out.
-
-    Args:
-        shapes: discs and half-planes, one disc at least.
-        x: (4,) position [m] and velocity [m/s].
-        u_nominal: (2,) u* [m/s²].
-    """
+    """Return a call of cbfpy's compiled `safety_filter`, NumPy in and out."""
     cbf = cbfpy.CBF.from_config(_Shapes(shapes))
     return lambda: np.asarray(cbf.safety_filter(x, u_nominal))
 

@@ -1,13 +1,13 @@
 """Figures that cannot go stale: kept with what they came from, and the pages filled from them.
 
 ``docs/results/SUITE.json`` holds a suite's figures with the command, the commit, the date, the
-machine and the hash of the sources that they depend on. A page says where a table goes, and
-nothing else::
+machine and the hash of the sources that they depend on. A page marks the place of a table,
+and nothing else::
 
     <!-- results: SUITE/TABLE -->
     <!-- end of results -->
 
-``awaits`` in the place of ``results`` keeps what stands there until the suite is published.
+``awaits`` in the place of ``results`` keeps the text there until the suite is published.
 ``certificates: FOLDER`` and ``coverage: FILE`` show the certificates in a folder, and what one of
 them covers; both are paths below the package or the checkout.
 """
@@ -22,6 +22,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.common import table
 from benchmarks.registry import SUITES
 from hcbf_gym import certificates
 from hcbf_gym.certificates import Certificate
@@ -40,16 +41,7 @@ _CERTIFIED = re.compile(
 
 
 def publish(root: Path, name: str, figures: dict[str, Any]) -> None:
-    """Write a suite's figures to ``docs/results/`` of a checkout.
-
-    Args:
-        root: the checkout.
-        name: of the suite.
-        figures: what its full run returned.
-
-    Raises:
-        InvalidInputError: if `root` is no checkout of this project.
-    """
+    """Write a suite's figures to ``docs/results/`` of a checkout."""
     check_root(root)
     changed = _git(root, "status", "--porcelain", "--", *NAMES, "benchmarks")
     record = {
@@ -66,11 +58,7 @@ def publish(root: Path, name: str, figures: dict[str, Any]) -> None:
 
 
 def check_root(root: Path) -> None:
-    """Refuse a folder that is no checkout of this project.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Refuse a folder that is no checkout of this project."""
     if not (root / "docs" / "results").is_dir() or not (root / "hcbf_gym").is_dir():
         raise InvalidInputError(
             f"publish: got the folder {root.resolve()}, expected a checkout of hcbf-gym"
@@ -78,26 +66,14 @@ def check_root(root: Path) -> None:
 
 
 def check_results(root: Path, but: Collection[str]) -> None:
-    """Refuse a checkout whose pages could not be filled after a run.
-
-    Args:
-        root: the checkout.
-        but: names of the suites whose figures are about to be taken again.
-
-    Raises:
-        InvalidInputError: if a JSON lacks what its suite's tables show.
-    """
+    """Refuse a checkout whose pages could not be filled after a run."""
     for path in sorted((root / "docs" / "results").glob("*.json")):
         if path.stem in SUITES and path.stem not in but:
             _published(root, path.stem)
 
 
 def fill(root: Path) -> list[Path]:
-    """Fill every table of README and docs from its JSON; return the pages that changed.
-
-    Raises:
-        InvalidInputError: if a page names figures or a table that do not exist; no page is changed.
-    """
+    """Fill every table of README and docs from its JSON; return the pages that changed."""
     changed = dict(differing(root))
     for page, text in changed.items():
         write_text(page, text)
@@ -105,15 +81,11 @@ def fill(root: Path) -> list[Path]:
 
 
 def differing(root: Path) -> Iterator[tuple[Path, str]]:
-    """Yield every page whose tables are not those of the JSONs, with the text it should have.
-
-    Raises:
-        InvalidInputError: if a page names figures or a table that do not exist.
-    """
+    """Yield every page whose tables are not those of the JSONs, with the text it should have."""
     check_root(root)
     shown = {}
 
-    def table(match: re.Match[str]) -> str:
+    def filled_table(match: re.Match[str]) -> str:
         kind, name, which = match.groups()
         choose("suite", name, SUITES)
         if kind == "awaits" and not _results(root, name).is_file():
@@ -123,9 +95,10 @@ def differing(root: Path) -> Iterator[tuple[Path, str]]:
         text = choose(f"table of {name}", which, shown[name])
         return f"<!-- results: {name}/{which} -->\n{text}\n<!-- end of results -->"
 
-    pages = {page: page.read_text(encoding="utf-8") for page in _pages(root)}
+    files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    pages = {page: page.read_text(encoding="utf-8") for page in files}
     for page, text in pages.items():
-        filled = certified(root, _MARKED.sub(table, text))
+        filled = certified(root, _MARKED.sub(filled_table, text))
         if filled != text:
             yield page, filled
 
@@ -146,30 +119,22 @@ def certified(root: Path, text: str) -> str:
 
 def certified_table(folder: Path) -> Table:
     """Return a line for each certificate in a folder."""
-    header = (
-        "certificate", "episodes", "entered", "P(enter) ≤", "confidence", "least h [m]", "version",
-        "commit",
-    )  # fmt: skip
-    rows = [
-        (
-            one.name, f"{one.episodes:,}", str(one.entered), f"{one.bound:.2g}",
-            f"{one.confidence:.1%}", f"{one.least_h:+.4f}", one.version, one.commit,
-        )
-        for one in map(Certificate.load, sorted(folder.glob("*.json")))
-    ]  # fmt: skip
-    return Table("certificates", header, rows)
+    columns = {
+        "certificate": "{c.name}", "episodes": "{c.episodes:,}", "entered": "{c.entered}",
+        "P(enter) ≤": "{c.bound:.2g}", "confidence": "{c.confidence:.1%}",
+        "least h [m]": "{c.least_h:+.4f}", "version": "{c.version}", "commit": "{c.commit}",
+    }  # fmt: skip
+    loaded = ({"c": Certificate.load(file)} for file in sorted(folder.glob("*.json")))
+    return table("certificates", loaded, columns)
 
 
 def covered_table(file: Path) -> Table:
     """Return what a certificate covers, and what was tested besides."""
     plant = Certificate.load(file).plant
-    nothing: dict[str, Any] = {"ranges": {}, "words": "none"}
-    alone = certificates.tested()["alone"].get(plant["environment"], nothing)
-    rows = [
-        (argument, words(expected))
-        for argument, expected in (dict(plant) | alone["ranges"]).items()
-        if argument not in ("environment", "scene")
-    ]
+    none: dict[str, Any] = {"ranges": {}, "words": "none"}
+    alone = certificates.tested()["alone"].get(plant["environment"], none)
+    ranges = dict(plant) | alone["ranges"]
+    rows = [(k, words(v)) for k, v in ranges.items() if k not in ("environment", "scene")]
     return Table("covered", ("argument", "tested"), [*rows, ("alone", alone["words"])])
 
 
@@ -192,15 +157,8 @@ def machine() -> str:
     except OSError:
         found = None
     model = found.group(1) if found else platform.machine()
-    return f"{os.cpu_count()} cores of {model}, {platform.system()}, Python {_python()}"
-
-
-def _python() -> str:
-    return ".".join(platform.python_version_tuple()[:2])
-
-
-def _pages(root: Path) -> list[Path]:
-    return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    python = ".".join(platform.python_version_tuple()[:2])
+    return f"{os.cpu_count()} cores of {model}, {platform.system()}, Python {python}"
 
 
 def _results(root: Path, name: str) -> Path:

@@ -4,7 +4,6 @@ The reduced-order model under a held input, all scenes of a chunk at once; the b
 at every millisecond.
 """
 
-from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,44 +43,18 @@ PROGRAMS: dict[str, tuple[str, dict[str, Any]] | None] = {
 POLICIES = ("pd", "noisy", "adversarial")
 """PD on the straight line; the same with white noise of 3 m/s²; full thrust at the top region."""
 
-ROWS = {
+ROWS = {  # Rows made for a held input, the usual ones, and those with 1 cm of margin
     "held": (RowSettings(period=DT, u_max=LIMIT * np.sqrt(2.0)), 0.0),
     "continuous": (RowSettings(), 0.0),
     "continuous + 1 cm": (RowSettings(), 0.01),
 }
-"""Rows made for a held input, the usual ones, and those with 1 cm of margin."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """One episode.
-
-    Attributes:
-        woke_in: the priority of the region that the robot starts in.
-        depth: of each priority, the deepest entry [m]; 0 if it was never entered.
-        seconds: of each priority, the time spent inside [s].
-        clearance: the least distance kept from the strict regions and walls [m], negative inside.
-        excused: of each priority, whether one of its rows could not be met at some time.
-        intervention: root mean square of ‖u − u*‖ [m/s²].
-        deadlock: share of the time that the robot stood though u* asked it to move.
-        reached: whether the robot ended within 0.25 m of the goal.
-    """
-
-    woke_in: int
-    depth: list[float]
-    seconds: list[float]
-    clearance: float
-    excused: list[bool]
-    intervention: float
-    deadlock: float
-    reached: bool
 
 
 def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
     """Return two strict walls and four ranked discs, in conflict from the start.
 
     The robot wakes 0.3 to 0.5 m inside a disc whose nearest exit leads into one of higher priority,
-    0.1 to 0.2 m ahead: both rows cannot be met. The other relaxed discs sweep across the way.
+    0.1 to 0.2 m ahead: both rows cannot be met. The other relaxed discs sweep across the path.
     """
     walls = (HalfPlane("left", 1, (0.0, -1.0), -2.5), HalfPlane("right", 1, (0.0, 1.0), -2.5))
     higher, lower = sorted(rng.choice(LEVELS, 2, replace=False) + 1)
@@ -106,27 +79,22 @@ def random_scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
 
 
 class Scenes(NamedTuple):
-    """Episodes that run together.
+    """Episodes that run together."""
 
-    Attributes:
-        policy: one of `POLICIES`.
-        program: one of `PROGRAMS`.
-        rows: one of `ROWS`.
-        seed: decides scenes and noise; the scenes are the same for every policy and program.
-        start: the first episode's number.
-        episodes: how many.
-    """
-
-    policy: str
-    program: str
-    rows: str
-    seed: int
-    start: int
-    episodes: int
+    policy: str  # one of `POLICIES`
+    program: str  # one of `PROGRAMS`
+    rows: str  # one of `ROWS`
+    seed: int  # decides scenes and noise; the scenes are the same for every policy and program
+    start: int  # the first episode's number
+    episodes: int  # how many
 
 
 def run(chunk: Scenes) -> list[dict[str, Any]]:
-    """Run the episodes, and return their outcomes as plain dicts."""
+    """Run the episodes, and return what each showed.
+
+    `depth` [m], `seconds` inside and `excused` (a row could not be met at some time) have an entry
+    for each priority; `clearance` is the least distance from strict regions and walls [m].
+    """
     policy, program, rows, seed, start, count = chunk
     choose("policy", policy, dict.fromkeys(POLICIES))
     settings, margin = choose("rows", rows, ROWS)
@@ -158,21 +126,23 @@ def run(chunk: Scenes) -> list[dict[str, Any]]:
         advance(barriers.kind, barriers.parameters, x, t, u, DT, LOOKS, least, inside)
 
     near = np.linalg.norm(x[:, :2] - GOAL, axis=1) < REACHED
-    outcomes = []
-    for i in range(count):
-        levels = [barriers.priority[i] == p + 1 for p in range(LEVELS)]
-        outcome = Outcome(
-            int(woke_in[i]),
-            [float(max(0.0, -least[i, level].min())) for level in levels],
-            [float(inside[i, level].max()) for level in levels],
-            float(least[i, levels[0]].min()),
-            [bool(unmet[i, level].any()) for level in levels],
-            float(np.sqrt(effort[i] / STEPS)),
-            float(stood[i] / STEPS),
-            bool(near[i]),
-        )
-        outcomes.append(asdict(outcome))
-    return outcomes
+    of_rank = [barriers.priority == p + 1 for p in range(LEVELS)]
+    depth = np.stack([np.where(r, -least, 0.0).max(axis=1) for r in of_rank], axis=1)
+    seconds = np.stack([np.where(r, inside, 0.0).max(axis=1) for r in of_rank], axis=1)
+    excused = np.stack([(r & unmet).any(axis=1) for r in of_rank], axis=1)
+    return [
+        {
+            "woke_in": int(woke_in[i]),
+            "depth": np.maximum(depth[i], 0.0).tolist(),
+            "seconds": seconds[i].tolist(),
+            "clearance": float(least[i, of_rank[0][i]].min()),
+            "excused": excused[i].tolist(),
+            "intervention": float(np.sqrt(effort[i] / STEPS)),
+            "deadlock": float(stood[i] / STEPS),
+            "reached": bool(near[i]),
+        }
+        for i in range(count)
+    ]
 
 
 def _nominal(
@@ -214,7 +184,7 @@ def advance(
 
 
 def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what a table says of the episodes of one policy, program and kind of rows.
+    """Return what a table has of the episodes of one policy, program and kind of rows.
 
     `entered` (share of the episodes that did not wake in it), `depth` (mean of those that were in
     it [m]) and `seconds` (mean over all [s]) have one entry for each priority;

@@ -17,7 +17,7 @@ from benchmarks.refuting.cases import NUMBERS, Array, Case, draw
 WORST = 60
 ROUNDING = 1e-9
 CORRECTED = ("6 within the rounding", "7 no more than a stop", "13 stop, usual")
-"""What was refuted, and is no longer said."""
+"""What was refuted, and left the page."""
 
 CLAIMS: dict[str, Callable[[Case, Array], Array]] = {
     "1 tangent": held.lemma_1,

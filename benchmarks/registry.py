@@ -1,13 +1,14 @@
 """Every suite of figures: where it is, what it depends on, how long it takes.
 
-A suite is a module with ``run(quick) -> figures``, figures of JSON types, and, where a page shows
-them, ``tables(figures) -> {name: Table}``. Registering one is a line in `SUITES`.
+A suite is a module with ``run(quick) -> figures``, figures of JSON types, and ``tables(figures) ->
+{name: Table}``, or with ``PARTS`` that make a table each. Registering one is a line in `SUITES`.
 """
 
 import importlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.common import run_parts
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.sources import sources_hash
 
@@ -15,39 +16,32 @@ _ROOT = Path(__file__).parents[1]
 
 ROM = ("hcbf_gym/envs/regions.py", "hcbf_gym/envs/regions_vector.py")
 """What the reduced-order environments are made of, and through their imports all below them."""
-A1 = ("hcbf_gym/envs/a1_regions.py", "hcbf_gym/robots/a1/a1.xml")
-"""The same of the walking robot."""
-BASELINES = ("hcbf_gym/policies/baselines/*",)
-"""The policies that come with the package."""
+A1 = ("hcbf_gym/envs/a1_regions.py", "hcbf_gym/robots/a1/a1.xml")  # The same of the walking robot
+BASELINES = ("hcbf_gym/policies/baselines/*",)  # The policies that come with the package
 
 
 class Suite(NamedTuple):
-    """One suite.
+    """One suite."""
 
-    Attributes:
-        module: below `benchmarks`.
-        does: one line.
-        minutes: what a full run takes on two cores.
-        also: patterns of files of the checkout that it depends on without importing them.
-        extra: the extra that it needs, if any.
-        needs: the modules of that extra that must be there.
-    """
-
-    module: str
-    does: str
-    minutes: float
+    module: str  # below `benchmarks`
+    does: str  # one line
+    minutes: float  # what a full run takes on two cores
+    # patterns of files of the checkout that it depends on without importing them
     also: tuple[str, ...] = ()
-    extra: str = ""
-    needs: tuple[str, ...] = ()
+    extra: str = ""  # the extra that it needs, if any
+    needs: tuple[str, ...] = ()  # the modules of that extra that must be there
 
     def run(self, quick: bool) -> dict[str, Any]:
         """Return its figures."""
-        return importlib.import_module(f"benchmarks.{self.module}").run(quick)
+        module = importlib.import_module(f"benchmarks.{self.module}")
+        return module.run(quick) if hasattr(module, "run") else run_parts(module.PARTS, quick)
 
     def tables(self, figures: dict[str, Any]) -> dict[str, Table]:
-        """Return the tables of its figures by name; none where the suite shows none."""
+        """Return the tables of its figures by name; those of parts are stored as they are."""
         module = importlib.import_module(f"benchmarks.{self.module}")
-        return module.tables(figures) if hasattr(module, "tables") else {}
+        if hasattr(module, "tables"):
+            return module.tables(figures)
+        return {name: Table(**one) for name, one in figures.items()}
 
     def sources(self) -> str:
         """Return the hash of the sources that its figures depend on."""
@@ -56,7 +50,7 @@ class Suite(NamedTuple):
         return sources_hash([own, *also])
 
 
-SUITES = {
+SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/results/NAME.json``
     "course": Suite("suites.course", "the paper's course on the A1, the README's table", 1, A1),
     "reproduction": Suite(
         "suites.reproduction",
@@ -80,7 +74,7 @@ SUITES = {
         2,
         ROM,
     ),
-    "monitor": Suite("strict.faults", "does the filter notice what stands between?", 10, A1),
+    "monitor": Suite("command_tracking", "are wrappers between filter and robot noticed?", 10, A1),
     "strict": Suite(
         "strict.suite",
         "attacks, search and pushes against the strict rank",
@@ -118,17 +112,9 @@ SUITES = {
         (*ROM, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*"),
     ),
     "held-rows": Suite(
-        "suites.held_rows",
-        "held rows under friendly and hostile policies, without margin",
-        4,
-        ROM,
+        "suites.held_rows", "held rows under friendly and hostile policies, without margin", 4, ROM
     ),
-    "estimation": Suite(
-        "suites.estimation",
-        "how well the A1 knows where it is",
-        2,
-        A1,
-    ),
+    "estimation": Suite("suites.estimation", "how well the A1 knows where it is", 2, A1),
     "foreign": Suite(
         "suites.foreign",
         "foreign environments and models behind the filter",
@@ -145,7 +131,7 @@ SUITES = {
     ),
     "walkers": Suite(
         "walkers",
-        "robots that take velocities: attacked, on their way, their speed",
+        "robots that take velocities: attacked, towards goals, their speed",
         90,
         ("hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*", "tests/robots/contracts/*"),
         extra="walkers",
@@ -167,8 +153,5 @@ SUITES = {
         extra="play",
         needs=("viser",),
     ),
-    "mutations": Suite(
-        "suites.mutations", "inputs bent at random: refused clearly, or sensible", 5, A1
-    ),
+    "mutations": Suite("suites.mutations", "malformed inputs: refused clearly, or sensible", 5, A1),
 }
-"""name → suite; `python -m benchmarks --suite NAME`, ``docs/results/NAME.json``."""

@@ -1,4 +1,4 @@
-"""Whether filters say bit for bit what they said at another commit, from the same seeds.
+"""Whether filters report bit for bit what they did at another commit, from the same seeds.
 
 ``python benchmarks/same_bits.py record FILE`` drives filtered environments and writes trajectories
 and reports; run it with `PYTHONPATH` at each of two checkouts, then ``compare ONE OTHER`` lists
@@ -6,7 +6,7 @@ what differs of the keys that both have. It imports nothing of `benchmarks`, so 
 checkout.
 """
 
-import importlib.util
+import contextlib
 import os
 import sys
 import warnings
@@ -26,12 +26,13 @@ from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 
+with contextlib.suppress(ImportError):  # of a checkout with one package
+    import hcbf_robots  # noqa: F401 - registers the walkers
+
 Array = NDArray[np.float64]
-Said = dict[str, list[Array]]
 PERIOD = 0.05
 REGIONS = "HCBF-Regions-v0"
-HAS_ROBOTS = importlib.util.find_spec("hcbf_robots") is not None  # older checkouts have one package
-WALKERS = f"{'hcbf_robots:' if HAS_ROBOTS else ''}HCBF-WalkerRegions-v0"
+
 
 
 @dataclass
@@ -63,12 +64,7 @@ class Compare:
 
 
 class Own(gym.Env):
-    """A plant of any model, which is its model.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-        start: (n,) of the states.
-    """
+    """A plant of any model, which is its model."""
 
     def __init__(self, model: Any, start: Array):
         self.model, self._start = model, start
@@ -120,8 +116,8 @@ FAMILIES: dict[str, tuple[Callable[[], gym.Env], int]] = {
     "depot": (on_map("depot.yaml"), 100),
     "a1": (of("HCBF-A1Regions-v0", scenario="paper-simulation"), 40),
     "a1-random": (of("HCBF-A1Regions-v0", scenario="random", estimation="lidar"), 40),
-    "cart": (of(WALKERS, robot="cart", scenario="random"), 100),
-    "go1": (of(WALKERS, robot=GO1, scenario="random"), 40),
+    "cart": (of("HCBF-WalkerRegions-v0", robot="cart", scenario="random"), 100),
+    "go1": (of("HCBF-WalkerRegions-v0", robot=GO1, scenario="random"), 40),
     "unicycle": (lambda: Own(Unicycle(), np.array([-0.5, 0.0, 0.0])), 100),
     "bicycle": (lambda: Own(KinematicBicycle(), np.array([-0.5, 0.0, 0.0, 0.5])), 100),
     "single-integrator": (lambda: Own(models.SingleIntegrator(), np.array([-0.5, 0.0])), 100),
@@ -131,7 +127,7 @@ PROGRAMS = ("lex-cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp")
 
 
 def drive(make: Callable[[], gym.Env], steps: int, seed: int) -> Iterator[dict[str, Array]]:
-    """Yield what an episode says at each step, under inputs that are drawn for a while each."""
+    """Yield what an episode reports at each step, under inputs that are drawn for a while each."""
     program = PROGRAMS[seed % len(PROGRAMS)]
     env = hcbf_gym.wrappers.SafetyFilter(make(), program=program, allow_late_inputs=True)
     rng = np.random.default_rng(seed)
@@ -148,14 +144,14 @@ def drive(make: Callable[[], gym.Env], steps: int, seed: int) -> Iterator[dict[s
 
 
 def record(command: Record) -> None:
-    """Write what every family says."""
+    """Write what every family reports."""
     stored: dict[str, Array] = {}
     for family in command.only or FAMILIES:
         make, steps = FAMILIES[family]
         for seed in range(command.episodes):
-            told = list(drive(make, steps, seed))
-            for key in told[0]:
-                stored[f"{family}/{seed}/{key}"] = np.array([one[key] for one in told])
+            reported = list(drive(make, steps, seed))
+            for key in reported[0]:
+                stored[f"{family}/{seed}/{key}"] = np.array([one[key] for one in reported])
         print(family, command.episodes, flush=True)
     np.savez_compressed(command.file, allow_pickle=False, **stored)
 
@@ -164,7 +160,7 @@ def compare(command: Compare) -> int:
     """Print how many episodes of each family differ, and in what; return 1 if any does."""
     with np.load(command.one) as one, np.load(command.other) as other:
         both = [key for key in one.files if key in other.files]
-        news = sorted({key.rsplit("/", 1)[1] for key in set(one.files) ^ set(other.files)})
+        alone = sorted({key.rsplit("/", 1)[1] for key in set(one.files) ^ set(other.files)})
         found: dict[str, set[str]] = {}
         parts: dict[str, set[str]] = {}
         worst = 0.0
@@ -180,11 +176,11 @@ def compare(command: Compare) -> int:
                     worst = max(worst, float(gap.max()))
     for family, seeds in found.items():
         print(f"{family}: {len(seeds)} episodes differ", *sorted(parts.get(family, ())))
-    print(f"keys of one checkout alone: {news}; greatest difference {worst:g}")
+    print(f"keys of one checkout alone: {alone}; greatest difference {worst:g}")
     return int(any(found.values()))
 
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    asked = tyro.cli(Record | Compare)
-    sys.exit(compare(asked) if isinstance(asked, Compare) else record(asked))
+    command = tyro.cli(Record | Compare)
+    sys.exit(compare(command) if isinstance(command, Compare) else record(command))

@@ -1,4 +1,4 @@
-"""Scans of walls that stand, and of people who walk: what is said, entered, reached and touched.
+"""Scans of walls and of people who walk: what is reported, entered, reached and touched.
 
 Robots drive behind `VelocityFilter` in rooms that they see by a scan at 10 Hz, at every angle to
 the world's axes. ``python -m benchmarks.scans --part walls`` prints one part, ``--quick`` a little
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tyro
 
-from benchmarks.own_loop import LONGEST, Moving, hostile, loop, pursuit
+from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, hostile, loop, pursuit
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
@@ -23,43 +23,30 @@ from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Scan, points_of
 from hcbf_robots.walkers import Walker
 
-PERIOD, RANGE = 0.1, 10.0
-"""From one scan to the next [s], and how far beams reach [m]."""
-SIDE = 4.0
-"""From the middle of a room to its walls [m]."""
+PERIOD, RANGE = 0.1, 10.0  # From one scan to the next [s], and how far beams reach [m]
+SIDE = 4.0  # From the middle of a room to its walls [m]
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GO1 = "tests/robots/contracts/go1.json"
 ROBOTS = {"cart": "cart", "holonomic cart": "holonomic-cart", "Go1": GO1}
-NEAR = 0.35
-"""Of the goal [m]."""
+NEAR = 0.35  # Of the goal [m]
 PERSON, PACE, PEOPLE = 0.25, 0.5, 3
 """Radius [m] and speed [m/s] of a person, and how many there are."""
 MARGINS = 0.0, 0.3
 """Of a scan of people [m]: none, and by how much a cart falls short before it goes at `PACE`."""
-CREEPS = 0.02
-"""Below it nobody's velocity points anywhere [m/s]."""
-STEP = 0.5
-"""A way is free that leads so far [m]."""
+CREEPS = 0.02  # Below it a velocity points nowhere [m/s]
+STEP = 0.5  # A path is free that leads so far [m]
 
 
 class Case(NamedTuple):
-    """How a room is seen.
+    """How a room is seen."""
 
-    Attributes:
-        beams: all around; 0 where the filter knows the walls, to see what is the robot's own.
-        error: standard deviation of a range [m].
-        dropped: share of beams that see nothing.
-        speed: that the scan reserves for [m/s].
-        rests: whether the robot drives at a wall and stays there.
-        margin: of the scan [m].
-    """
-
+    # all around; 0 where the filter knows the walls, to see what is the robot's own
     beams: int = 360
-    error: float = 0.0
-    dropped: float = 0.0
-    speed: float = 0.0
-    rests: bool = False
-    margin: float = 0.0
+    error: float = 0.0  # standard deviation of a range [m]
+    dropped: float = 0.0  # share of beams that see nothing
+    speed: float = 0.0  # that the scan reserves for [m/s]
+    rests: bool = False  # whether the robot drives at a wall and stays there
+    margin: float = 0.0  # of the scan [m]
 
 
 CASES = {
@@ -77,19 +64,14 @@ CASES = {
 
 
 class Room(NamedTuple):
-    """Walls and boxes.
+    """Walls and boxes."""
 
-    Attributes:
-        walls: as barriers.
-        edges: (k, 2, 2) of them [m].
-    """
-
-    walls: list[Barrier]
-    edges: Array
+    walls: list[Barrier]  # as barriers
+    edges: Array  # (k, 2, 2) of them [m]
 
 
 def room_of(seed: int, boxes: int = 6) -> Room:
-    """Return a room of 8 m with boxes, none at its middle, turned as the seed says."""
+    """Return a room of 8 m with boxes, none at its middle, turned by the seed."""
     rng = np.random.default_rng([12, seed])
     yaw = rng.uniform(-math.pi, math.pi)
     turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
@@ -110,15 +92,10 @@ def room_of(seed: int, boxes: int = 6) -> Room:
     return Room(walls, np.concatenate(edges))
 
 
-def ranges_of(edges: Array, discs: Array, pose: Array, angles: Array) -> Array:
-    """Return (k,) how far beams go until an edge or a disc [m]; +inf beyond `RANGE`.
-
-    Args:
-        edges: (n, 2, 2) [m].
-        discs: (m, 3) centre and radius [m].
-        pose: (3,) of the sensor.
-        angles: (k,) of the beams in its axes [rad].
-    """
+def ranges_of(
+    edges: Array, discs: Array, pose: Array, angles: Array, reach: float = RANGE
+) -> Array:
+    """Return (k,) how far beams go until an edge or a disc [m]; +inf beyond their reach."""
     beams = np.column_stack([np.cos(angles + pose[2]), np.sin(angles + pose[2])])
     to, along = edges[:, 0] - pose[:2], edges[:, 1] - edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -132,28 +109,17 @@ def ranges_of(edges: Array, discs: Array, pose: Array, angles: Array) -> Array:
     met = ahead - np.sqrt(np.maximum(half2, 0.0))
     met = np.where((half2 > 0.0) & (met > 0.0), met, np.inf).min(axis=1, initial=np.inf)
     nearest = np.minimum(far.min(axis=1, initial=np.inf), met)
-    return np.where(nearest < RANGE, nearest, np.inf)
+    return np.where(nearest < reach, nearest, np.inf)
 
 
 class Laser:
-    """A scan at 10 Hz that a filter takes as it comes.
-
-    Args:
-        door: the filter.
-        case: how it sees.
-        edges: of what it sees.
-        known: barriers beside the scan.
-        seed: of what is random.
-
-    Attributes:
-        discs: (m, 3) that it sees besides [m].
-    """
+    """A scan at 10 Hz that a filter takes as it comes."""
 
     def __init__(
-        self, door: VelocityFilter, case: Case, edges: Array, known: Sequence[Any], seed: int
+        self, safe: VelocityFilter, case: Case, edges: Array, known: Sequence[Any], seed: int
     ):
         self.discs = np.zeros((0, 3))
-        self._door, self._case, self._edges, self._known = door, case, edges, known
+        self._filter, self._case, self._edges, self._known = safe, case, edges, known
         self._rng, self._due = np.random.default_rng([13, seed]), -math.inf
         self._angles = np.linspace(-math.pi, math.pi, case.beams, endpoint=False)
 
@@ -166,20 +132,15 @@ class Laser:
         ranges = ranges_of(self._edges, self.discs, pose, self._angles)
         ranges = np.maximum(ranges + case.error * rng.standard_normal(case.beams), 0.0)
         ranges[rng.random(case.beams) < case.dropped] = np.inf
-        self.takes(now, ranges, self._angles, pose)
-
-    def takes(self, now: float, ranges: Array, angles: Array, pose: Array) -> None:
-        """Hand a scan to the filter."""
-        x, y, yaw = pose.tolist()
         scan = Scan(
-            "scan", points_of(ranges, angles), (x, y, yaw), PERIOD, self._case.speed,
-            margin=self._case.margin, noise=3.0 * self._case.error,
+            "scan", points_of(ranges, self._angles), tuple(pose.tolist()), PERIOD, case.speed,
+            margin=case.margin, noise=3.0 * case.error,
         )  # fmt: skip
-        self._door.set_barriers([*self._known, scan], look=False)
+        self._filter.set_barriers([*self._known, scan], look=False)
 
 
 def goal_of(room: Room, reach: float, seed: int) -> Array:
-    """Return (2,) a goal that is some way off, with room around it [m]."""
+    """Return (2,) a goal that is some metres off, with room around it [m]."""
     rng, regions = np.random.default_rng([14, seed]), BarrierSet([room.walls])
     while True:
         at = rng.uniform(-3.5, 3.5, 2)
@@ -195,30 +156,17 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
     for seed in range(count):
         room = room_of(seed)
         known = () if case.beams else room.walls
-        door = VelocityFilter(walker, known, period=LONGEST)
-        laser = Laser(door, case, room.edges, (), seed)
         rng = np.random.default_rng([15, seed])
         planner = hostile(room.walls, walker.command, rng, wanders=not case.rests)
-        start = Moving(walker, np.zeros(3), seed)
-        runs.append(
-            loop(
-                door, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
-                sees=laser.sees if case.beams else _nothing,
-            )
-        )  # fmt: skip
+        runs.append(_drive(walker, case, room, seed, known, bool(case.beams), {}, planner, seconds))
         if not guides:
             continue
         goal = goal_of(room, walker.reach, seed)
         for scanned in (False, True):
-            door = VelocityFilter(
-                walker, room.walls, period=LONGEST, goal=goal, guidance="geodesic"
-            )
-            laser = Laser(door, case, room.edges, room.walls, seed)
-            run = loop(
-                door, Moving(walker, np.zeros(3), seed), lambda _: 0.0 * walker.command.limits,
-                walker.reach, 25.0, seed=seed, walls=room.walls,
+            run = _drive(
+                walker, case, room, seed, room.walls, scanned,
+                {"goal": goal, "guidance": "geodesic"}, lambda _: 0.0 * walker.command.limits, 25.0,
                 until=lambda p, g=goal: float(np.hypot(*(p[:2] - g))) < NEAR,
-                sees=laser.sees if scanned else _nothing,
             )  # fmt: skip
             arrived[scanned] += float(np.hypot(*(run.path[-1, :2] - goal))) < NEAR
             guided += run.statuses if scanned else 0
@@ -233,8 +181,17 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
     )
 
 
-def _nothing(now: float, robot: Moving) -> None:
-    """See nothing."""
+def _drive(
+    walker: Walker, case: Case, room: Room, seed: int, known: Sequence[Barrier], scanned: bool,
+    options: dict[str, Any], planner: Planner, seconds: float, **of_loop: Any,
+) -> Driven:  # fmt: skip
+    """Drive in a room, behind a scan if there is one, and what else the filter knows."""
+    safe = VelocityFilter(walker, known, period=LONGEST, **options)
+    if scanned:
+        of_loop["sees"] = Laser(safe, case, room.edges, known, seed).sees
+    robot = Moving(walker, np.zeros(3), seed)
+    of_loop |= {"seed": seed, "walls": room.walls}
+    return loop(safe, robot, planner, walker.reach, seconds, **of_loop)
 
 
 def share(statuses: Array) -> str:
@@ -244,18 +201,7 @@ def share(statuses: Array) -> str:
 
 
 class People:
-    """People who walk at where a robot was when they came in, one place after another.
-
-    Args:
-        laser: that sees them.
-        room: with walls alone.
-        walker: the robot.
-        seed: of where they come from.
-
-    Attributes:
-        contacts: of each: the robot's own speed towards the person [m/s], and whether a way away
-            from it was free.
-    """
+    """People who walk at where a robot was when they came in, one place after another."""
 
     def __init__(self, laser: Laser, room: Room, walker: Walker, seed: int):
         self._laser, self._walker = laser, walker
@@ -267,7 +213,7 @@ class People:
         self.contacts: list[tuple[float, bool]] = []
 
     def walk(self, now: float, robot: Moving) -> None:
-        """Go on, and let the laser see it."""
+        """Advance, and show it to the laser."""
         place, yaw = robot.pose[:2], robot.pose[2]
         for k in range(PEOPLE):
             if self._left[k] == 0:
@@ -302,9 +248,9 @@ class People:
         angles = yaw + (np.array([0.0, math.pi]) if carts else math.tau / 16 * np.arange(16))
         steps = np.linspace(0.1, 1.0, 10) * STEP
         for angle in angles:
-            way = place + steps[:, None] * [math.cos(angle), math.sin(angle)]
-            x = np.column_stack([way, np.zeros_like(way)])
-            apart = np.linalg.norm(way[:, None] - self._at, axis=2)
+            path = place + steps[:, None] * [math.cos(angle), math.sin(angle)]
+            x = np.column_stack([path, np.zeros_like(path)])
+            apart = np.linalg.norm(path[:, None] - self._at, axis=2)
             others = np.delete(apart, k, axis=1).min() > PERSON + self._walker.reach
             away = apart[-1, k] > apart[0, k] + 0.5 * STEP
             reach = self._walker.reach
@@ -319,16 +265,16 @@ def people(robot: str, margin: float, count: int, seconds: float) -> str:
     statuses = np.zeros(len(FilterStatus), dtype=int)
     for seed in range(count):
         room = room_of(seed, 0)
-        door = VelocityFilter(walker, room.walls, period=LONGEST)
+        safe = VelocityFilter(walker, room.walls, period=LONGEST)
         case = Case(speed=PACE, error=0.01, margin=margin)
-        laser = Laser(door, case, room.edges[:0], room.walls, seed)
+        laser = Laser(safe, case, room.edges[:0], room.walls, seed)
         crowd = People(laser, room, walker, seed)
         rng = np.random.default_rng([17, seed])
         goals = [(float(x), float(y)) for x, y in rng.uniform(-2.5, 2.5, (40, 2))]
         planner = pursuit(goals, walker.command, 0.7 * walker.command.forward)
         start = Moving(walker, np.zeros(3), seed)
         run = loop(
-            door, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
+            safe, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
             sees=crowd.walk,
         )  # fmt: skip
         contacts += crowd.contacts
@@ -339,7 +285,7 @@ def people(robot: str, margin: float, count: int, seconds: float) -> str:
     return (
         f"{robot}, margin {margin} m: {count} drives of {seconds:g} s: {len(contacts)} contacts, "
         f"in {len(own)} the robot's own velocity points at the person (at most "
-        f"{max(own, default=0.0):.3f} m/s), a way was free at {free}; walls entered {entered}; "
+        f"{max(own, default=0.0):.3f} m/s), a path was free at {free}; walls entered {entered}; "
         f"{share(statuses)} VIOLATED or UNSAFE"
     )
 

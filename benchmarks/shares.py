@@ -1,4 +1,4 @@
-"""Where the time goes that `SafetyFilter` adds to a step: each part by itself, in its own loop.
+"""Where the time goes that `SafetyFilter` adds to a step: each part alone, in its own loop.
 
 Inside a user's loop every part takes longer, since the environment has filled the caches with other
 things in between; `benchmarks.suites.filter` has that sum.
@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.common import median
 from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
@@ -22,7 +23,7 @@ PERIOD, ROUNDS, CALLS = 0.02, 200, 20
 
 
 class _Still(gym.Env[Any, Any]):
-    """A plant that stands still, far from everything."""
+    """A plant at rest, far from everything."""
 
     action_space = gym.spaces.Box(-5.0, 5.0, (2,), dtype=np.float64)
     observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
@@ -95,10 +96,4 @@ def shares() -> list[dict[str, Any]]:
 
 def _time(call: Callable[[], Any]) -> float:
     """Return a call's median time [µs]."""
-    times = np.empty(ROUNDS)
-    for k in range(ROUNDS):
-        start = time.perf_counter()
-        for _ in range(CALLS):
-            call()
-        times[k] = time.perf_counter() - start
-    return 1e6 * float(np.median(times)) / CALLS
+    return median(lambda: [call() for _ in range(CALLS)], ROUNDS, time.perf_counter) / CALLS

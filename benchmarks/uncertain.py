@@ -1,14 +1,10 @@
 """Hostile policies on every model, with estimates that are off by as much as they declare.
 
-    python -m benchmarks.uncertain --steps 200000
-
 The error of the estimate lies within κσ in position, velocity and heading. It is constant, turns
 slowly, or jumps at each sample. A step counts as entered where a strict h of the true state is
 below zero at one of ten instants of its hold, under a calm status without a reason.
 """
 
-import argparse
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -29,42 +25,32 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 
 ERRORS = ("constant", "turns", "jumps")
+NAMES = ("planar", "drag", "single integrator", "unicycle", "bicycle", "own", "axle", "walker")
 PERIOD, COUNT, EPISODE, INSTANTS, LOOKS = 0.05, 20, 100, 10, 8
-WITHIN = 0.99
-"""Of κσ, that an error may be."""
+WITHIN = 0.99  # Of κσ, that an error may be
 CART = Axle(look_ahead=0.25, forward=0.8, turn=1.8, braking=1.5)
 REGIONS = (
     HalfPlane("wall", 1, (-1.0, 0.0), -2.0),
     HalfPlane("side", 1, (0.0, 1.0), -2.0),
     Disc("post", 1, (-1.5, 1.0), 0.5),
 )
-AWAY = np.array([(-1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])
-"""From each of them, where most robots are."""
+AWAY = np.array([(-1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])  # From each of them, where most robots are
 CAP = SpeedLimit("cap", 1, 1.2)
 
 
 class Case(NamedTuple):
-    """A model with its conditions and what is not known of its state.
+    """A model with its conditions and the uncertainty of its state."""
 
-    Attributes:
-        model: ẋ = f(x) + g(x)u.
-        limits: (n_u,) the largest inputs.
-        deviations: (n,) of the state.
-        barriers: of rank 1.
-        axle: of a differential drive.
-        declared: what the plant is off its model.
-    """
-
-    model: ReducedOrderModel
-    limits: tuple[float, ...]
-    deviations: tuple[float, ...]
-    barriers: Sequence[Barrier]
-    axle: Axle | None = None
-    declared: Uncertainty = Uncertainty()
+    model: ReducedOrderModel  # ẋ = f(x) + g(x)u
+    limits: tuple[float, ...]  # (n_u,) the largest inputs
+    deviations: tuple[float, ...]  # (n,) of the state
+    barriers: Sequence[Barrier]  # of rank 1
+    axle: Axle | None = None  # of a differential drive
+    declared: Uncertainty = Uncertainty()  # what the plant is off its model
 
 
 def boat() -> models.ControlAffine:
-    """Return a boat of its own f and g, with other drag ahead than aside."""
+    """Return a boat with f and g, with other drag ahead than aside."""
     return models.ControlAffine(
         lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
         lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),
@@ -96,27 +82,21 @@ def cases() -> dict[str, Case]:
     vehicles = [ahead(region) for region in REGIONS]
     follows = Uncertainty(distance=0.03, per_velocity=0.3, per_lead=1.0, cap=0.25, speed=0.05)
     planar = DoubleIntegrator()
-    return {
-        "planar": Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP)),
-        "drag": Case(DoubleIntegrator(drag=0.5), (2.0, 2.0), moving, (*REGIONS, CAP)),
-        "single integrator": Case(models.SingleIntegrator(), (1.0, 1.0), on_place, REGIONS),
-        "unicycle": Case(models.Unicycle(), (1.0, 1.5), (*on_place, 0.03), vehicles),
-        "bicycle": Case(
-            models.KinematicBicycle(rear=0.3), (1.5, 0.4), (*on_place, 0.03, 0.05), vehicles
-        ),
-        "own": Case(boat(), (2.0, 2.0), moving, (*REGIONS, CAP)),
-        "axle": Case(planar, (1.5, 1.5), moving, (*REGIONS, SpeedLimit("cap", 1, 0.6)), CART),
-        "walker": Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP), None, follows),
-    }
+    every = (
+        Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP)),
+        Case(DoubleIntegrator(drag=0.5), (2.0, 2.0), moving, (*REGIONS, CAP)),
+        Case(models.SingleIntegrator(), (1.0, 1.0), on_place, REGIONS),
+        Case(models.Unicycle(), (1.0, 1.5), (*on_place, 0.03), vehicles),
+        Case(models.KinematicBicycle(rear=0.3), (1.5, 0.4), (*on_place, 0.03, 0.05), vehicles),
+        Case(boat(), (2.0, 2.0), moving, (*REGIONS, CAP)),
+        Case(planar, (1.5, 1.5), moving, (*REGIONS, SpeedLimit("cap", 1, 0.6)), CART),
+        Case(planar, (2.0, 2.0), moving, (*REGIONS, CAP), None, follows),
+    )
+    return dict(zip(NAMES, every, strict=True))
 
 
 class Truth:
-    """N plants as they are.
-
-    Args:
-        case: of them.
-        rng: draws starts.
-    """
+    """N plants as they are."""
 
     def __init__(self, case: Case, rng: np.random.Generator) -> None:
         self.case, self._rng = case, rng
@@ -158,43 +138,37 @@ class Truth:
 
 
 class Errors:
-    """What N estimates are off by: κσ in a direction of the state.
-
-    Args:
-        kind: one of `ERRORS`.
-        size: (n,) κσ of every state.
-        rng: draws directions.
-    """
+    """What N estimates are off by: κσ in a direction of the state."""
 
     def __init__(self, kind: str, size: Array, rng: np.random.Generator) -> None:
         self._kind, self._size, self._rng = kind, size, rng
-        self._way = self._drawn(COUNT)
+        self._direction = self._drawn(COUNT)
 
     def restart(self, mask: Mask) -> None:
         """Draw new directions for the masked plants (N,)."""
-        self._way[mask] = self._drawn(int(mask.sum()))
+        self._direction[mask] = self._drawn(int(mask.sum()))
 
     def next(self) -> Array:
         """Return (N, n) the errors of a sample."""
         if self._kind == "jumps":
-            self._way = self._drawn(COUNT)
+            self._direction = self._drawn(COUNT)
         if self._kind == "turns":
-            self._way = _unit(self._way + 0.02 * self._rng.normal(size=self._way.shape))
-        return WITHIN * self._way * self._size
+            change = 0.02 * self._rng.normal(size=self._direction.shape)
+            self._direction = _unit(self._direction + change)
+        return WITHIN * self._direction * self._size
 
     def _drawn(self, count: int) -> Array:
         """Return unit vectors: half of them make a region seem farther away than it is."""
-        way = self._rng.normal(size=(count, len(self._size)))
-        way[:, 2:] *= self._rng.choice([0.0, 1.0, 5.0], size=(count, 1))
-        blind = self._rng.random(count) < 0.5
-        away = self._rng.choice(AWAY, size=count)
-        way[blind, :2] = away[blind]
-        way[blind, 2:] = 0.0
+        rng = self._rng
+        found = rng.normal(size=(count, len(self._size)))
+        found[:, 2:] *= rng.choice([0.0, 1.0, 5.0], size=(count, 1))
+        blind = rng.random(count) < 0.5
+        away = rng.choice(AWAY, size=count)
+        found[blind, :2], found[blind, 2:] = away[blind], 0.0
         if len(self._size) == 4:  # a part of it is the velocity's
-            way[blind, 2:] = (
-                self._rng.choice([-0.5, 0.0, 0.5], size=(count, 1))[blind] * away[blind]
-            )
-        return _unit(way)
+            share = rng.choice([-0.5, 0.0, 0.5], size=(count, 1))
+            found[blind, 2:] = (share * away)[blind]
+        return _unit(found)
 
 
 def _unit(vectors: Array) -> Array:
@@ -277,34 +251,3 @@ def run(case: Case, error: str, steps: int, seed: int) -> Count:
         time += PERIOD
         fresh = (report["reason"] != 0) | (age >= EPISODE) | (low < -0.2)
     return Count(done, calm_steps, entered, least)
-
-
-def main() -> None:
-    """Print what became of the steps of every model and error."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=200_000, help="of all models together")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    every = cases()
-    share = -(-asked.steps // (len(every) * len(ERRORS)))
-    total = Count(0, 0, 0, np.inf)
-    print(f"{'model':20}{'error':12}{'steps':>8}{'calm':>8}{'entered':>9}{'least h':>10}")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for name, case in every.items():
-            for error in ERRORS:
-                one = run(case, error, share, asked.seed)
-                print(
-                    f"{name:20}{error:12}{one.steps:8}{one.calm:8}{one.entered:9}{one.least:10.4f}"
-                )
-                total = Count(
-                    total.steps + one.steps,
-                    total.calm + one.calm,
-                    total.entered + one.entered,
-                    min(total.least, one.least),
-                )
-    print(f"{'all':32}{total.steps:8}{total.calm:8}{total.entered:9}{total.least:10.4f}")
-
-
-if __name__ == "__main__":
-    main()

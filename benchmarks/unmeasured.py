@@ -20,7 +20,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import Reason
 from hcbf_robots import Command, Robot, VelocityFilter
 
-FLEET = {
+FLEET = {  # Command, reach [m] and period [s]
     "TurtleBot 3": (Command(0.22, 2.84, look_ahead=0.08), 0.11, 0.06),
     "TurtleBot 4": (Command(0.46, 1.9, look_ahead=0.12), 0.19, 0.1),
     "Nav2's stock robot": (Command(0.5, 1.0, look_ahead=0.15), 0.22, 0.04),
@@ -30,9 +30,8 @@ FLEET = {
     "omni": (Command(1.0, 2.0, sideways=1.0), 0.3, 0.04),
     "fast omni": (Command(1.5, 2.0, sideways=1.5), 0.35, 0.06),
 }
-"""Command, reach [m] and period [s]."""
 LATE, TURNED = "commands 1 s late", "yaw 90° off"
-FAULTS = {
+FAULTS = {  # The share of the motion that odometry counts
     "odometry half": 0.5,
     "odometry double": 2.0,
     "odometry dead": 0.0,
@@ -40,26 +39,14 @@ FAULTS = {
     TURNED: 1.0,
     LATE: 1.0,
 }
-"""The share of the motion that odometry counts."""
-WITHIN = 2.0
-"""Time in which a fault is reported [s]."""
-PAUSE = 0.2
-"""For which a robot may be slower meanwhile [s]."""
+WITHIN = 2.0  # Time in which a fault is reported [s]
+PAUSE = 0.2  # For which a robot may be slower meanwhile [s]
 NOISE = np.array([0.02, 0.02, math.radians(1.0)])
 """Standard deviations of a pose [m, rad], and of a twist, halved [m/s, rad/s]."""
 
 
 class Unmeasured(Moving):
-    """A robot with any τ and δ that the rows assume, noise, and a fault from some time on.
-
-    Args:
-        name: of `FLEET`.
-        fault: of `FAULTS`; None for none.
-        seed: of all that is random.
-
-    Attributes:
-        fast: for how long it has been commanded to be fast with its fault, until the report [s].
-    """
+    """A robot with any τ and δ that the rows assume, noise, and a fault from some time on."""
 
     def __init__(self, name: str, fault: str | None, seed: int):
         self._rng, self._fault = np.random.default_rng([8, seed]), fault
@@ -68,13 +55,13 @@ class Unmeasured(Moving):
         start = np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)])
         super().__init__(Body(known, rng.uniform(0.0, 0.3), rng.uniform(0.0, 0.1)), start)
         self._size = 1.0 + self._command.forward
-        self._door = VelocityFilter(
+        self._filter = VelocityFilter(
             known, boxes_of(rng, self._size), period=self._period, max_age=0.5, on_alarm="brake"
         )
         self._begins = 0.0 if fault == LATE else rng.uniform(4.0, 8.0)
         self._begun: Array | None = None  # where the fault begins
         still = np.zeros(len(self._command.limits))
-        self._told, self._waiting_1s = still, deque([still] * round(1.0 / CONTROL_DT))
+        self._command_now, self._waiting_1s = still, deque([still] * round(1.0 / CONTROL_DT))
         self._goal, self._left, self._speed = np.zeros(2), 0.0, 0.0
         self._driven = self._slow = self._reported_for = self.fast = 0.0
 
@@ -114,23 +101,23 @@ class Unmeasured(Moving):
             self._slow = 0.0 if fast else self._slow + CONTROL_DT
             self.fast = self.fast + CONTROL_DT if self._slow < PAUSE else 0.0
         if self._rng.random() >= 0.1:
-            self._told = command
-        self._waiting_1s.append(self._told)
+            self._command_now = command
+        self._waiting_1s.append(self._command_now)
         late = self._waiting_1s.popleft()
-        super().go(late if self._fault == LATE else self._told)
+        super().go(late if self._fault == LATE else self._command_now)
         self._driven += CONTROL_DT
 
     def drive(self, seconds: float) -> Driven:
         """Run the loop; with a fault it ends soon after the report, or when that is too late."""
 
         def ends(_: Array) -> bool:
-            if self._door._odometry.fault and self._reported_for == 0.0:
+            if self._filter._odometry.fault and self._reported_for == 0.0:
                 self._reported_for = CONTROL_DT
             late = self.fast > WITHIN + 1.0
             return self._fault is not None and (late or self._reported_for > 1.0)
 
         return loop(
-            self._door, self, self._plan, 0.0, seconds, Link(50.0, 0.02, 0.5, 0.1), 0, ends,
+            self._filter, self, self._plan, 0.0, seconds, Link(50.0, 0.02, 0.5, 0.1), 0, ends,
             senses=self._senses, period=self._period,
         )  # fmt: skip
 
@@ -151,7 +138,7 @@ def cases(name: str, fault: str, count: int) -> list[Seen]:
         run = robot.drive(60.0)
         if run.alarms or robot.fast > WITHIN:
             after = robot.fast if run.alarms else math.inf
-            found.append(Seen(after, run.alarms, bool(run.alarms) and not run.told[-10:].any()))
+            found.append(Seen(after, run.alarms, bool(run.alarms) and not run.commands[-10:].any()))
         if len(found) == count or seed >= 4 * count:
             return found
     return found

@@ -19,18 +19,12 @@ from hcbf_robots import VelocityFilter
 from hcbf_robots.envs.walker_physics import WalkerPhysics
 from hcbf_robots.walkers.walker import Walker
 
-JITTER = 0.3
-"""Share by which a period is longer or shorter than the regular one."""
-LOST = 0.1
-"""Share of the messages that never come."""
+JITTER = 0.3  # Share by which a period is longer or shorter than the regular one
+LOST = 0.1  # Share of the messages that never come
 
 
 class Cart:
-    """A simulated robot that is told commands at any time and says where it is.
-
-    Args:
-        walker: a contract whose controller reads nothing but the command.
-    """
+    """A simulated robot that takes commands at any time and reports where it is."""
 
     def __init__(self, walker: Walker):
         self.walker, self.physics = walker, WalkerPhysics(walker)
@@ -57,7 +51,7 @@ class Cart:
         self.physics.base(self._base[0])
         return tracked(self._base, 0.0)[0]
 
-    def says(self) -> tuple[Array, Array]:
+    def odometry(self) -> tuple[Array, Array]:
         """Return pose and twist as odometry has them."""
         qpos, qvel, yaw = self.physics.data.qpos, self.physics.data.qvel, self.physics.yaw
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -77,27 +71,16 @@ class Cart:
 
 @dataclass(frozen=True)
 class LoopEpisode:
-    """One hostile episode.
+    """One hostile episode."""
 
-    Args:
-        robot: a contract's path or name.
-        attack: a name of `attacks.ATTACKS`; the robot is to go where it pushes, at full speed.
-        scenario: a family of random scenes.
-        seed: of the scene, the attack and the loop.
-        rate: of the messages [Hz].
-        v_max: strict cap on the speed [m/s].
-        seconds: how long.
-        lost: share of the messages that never come.
-    """
-
-    robot: str
-    attack: str
-    scenario: str
-    seed: int
-    rate: float
-    v_max: float
-    seconds: float = 20.0
-    lost: float = LOST
+    robot: str  # a contract's path or name
+    attack: str  # a name of `attacks.ATTACKS`; the robot is to go where it pushes, at full speed
+    scenario: str  # a family of random scenes
+    seed: int  # of the scene, the attack and the loop
+    rate: float  # of the messages [Hz]
+    v_max: float  # strict cap on the speed [m/s]
+    seconds: float = 20.0  # how long
+    lost: float = LOST  # share of the messages that never come
 
     def run(self) -> Outcome:
         """Run it to its end."""
@@ -111,7 +94,7 @@ class LoopEpisode:
         cart = Cart(Walker.load(self.robot))
         cart.start(np.array(scene.start), rng)
         period = (1.0 + JITTER) / self.rate
-        door = VelocityFilter(
+        safe = VelocityFilter(
             cart.walker, scene.barriers, period=period, v_max=self.v_max, radius=0.0
         )
         barriers = BarrierSet([scene.barriers])
@@ -124,14 +107,14 @@ class LoopEpisode:
             if cart.time == 0.0 or rng.random() >= self.lost:
                 wanted = attack.act(_seen(barriers, strict, state, cart.time))
                 command = cart.towards(wanted, cart.walker.command.forward)
-                _, told = door.step(command, *cart.says(), cart.time)
-                counts[int(told["status"])] += 1
-                alarm = max(alarm, alarm_of({"safety_filter": told}))
-                margins.append(float(told["margin"][strict].max()))
-                changed = changed or bool(told["intervention"] > 1e-3)
+                _, report = safe.step(command, *cart.odometry(), cart.time)
+                counts[int(report["status"])] += 1
+                alarm = max(alarm, alarm_of({"safety_filter": report}))
+                margins.append(float(report["margin"][strict].max()))
+                changed = changed or bool(report["intervention"] > 1e-3)
             end = cart.time + rng.uniform(1.0 - JITTER, 1.0 + JITTER) / self.rate
             while cart.time < end:  # the robot's own loop is faster than messages
-                state = cart.step(door.command_at(cart.time))
+                state = cart.step(safe.command_at(cart.time))
                 least = np.minimum(least, barriers.values(state[None], np.array([cart.time]))[0])
                 speed_left = min(speed_left, self.v_max - float(np.hypot(*state[2:])))
         second = barriers.priority[0] == 2

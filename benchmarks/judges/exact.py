@@ -1,26 +1,27 @@
 """Convex quadratic programs in rational arithmetic, from their KKT conditions: no tolerance.
 
 The conditions of ``min ½ xᵀHx + cᵀx s.t. A x ≥ b, x ≥ 0`` are a linear complementarity problem,
-``w = M y + q``, ``w, y ≥ 0``, ``w·y = 0``, which Lemke's pivots solve. It shares no code with the
-programs that it judges.
+``w = M y + q``, ``w, y ≥ 0``, ``w·y = 0``. Lemke's pivots in doubles guess which y are basic; the
+rational solution of that basis is checked against every inequality, so that no wrong guess passes.
+Where it breaks one, the pivots run in rational numbers. No code of the judged programs is used.
 """
 
 import importlib
-import math
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hcbf_gym.arrays import Mask
+
 try:  # ten times faster, the same numbers
-    _gmpy2: Any = importlib.import_module("gmpy2")
-    rational: Any = _gmpy2.mpq
-    common_multiple: Any = _gmpy2.lcm
+    rational: Any = importlib.import_module("gmpy2").mpq
 except ImportError:
-    rational, common_multiple = Fraction, math.lcm
+    rational = Fraction
 
 Array = NDArray[Any]
+PIVOTS = 300  # in doubles, before the guess is taken as it is
 
 
 def exactly(x: Any) -> Array:
@@ -36,21 +37,74 @@ def zeros(*shape: int) -> Array:
     return exactly(np.zeros(shape))
 
 
-def quadratic_program(hessian: Array, linear: Array, a: Array, b: Array) -> Array:
+def quadratic_program(hessian: Array, linear: Array, a: Array, b: Array, loose: Any = 0.0) -> Array:
     """Return a minimiser x (n,) of ``½ xᵀHx + cᵀx`` over ``A x ≥ b``, ``x ≥ 0``.
 
     Args:
-        hessian: (n, n) H, positive semidefinite.
+        hessian: (n, n) H, positive semidefinite, rational as all others.
         linear: (n,) c.
         a: (k, n) A.
         b: (k,) b.
-
-    Raises:
-        ArithmeticError: if there is none.
+        loose: (k,) by which the guess relaxes b.
     """
     n, k = len(linear), len(b)
     matrix = np.vstack((np.hstack((hessian, -a.T)), np.hstack((a, zeros(k, k)))))
-    return complementary(matrix, np.concatenate((linear, -b)))[:n]
+    q = np.concatenate((linear, -b))
+    doubles = q.astype(np.float64)
+    doubles[n:] += loose
+    y = proven(matrix, q, guess(matrix.astype(np.float64), doubles))
+    return (complementary(matrix, q) if y is None else y)[:n]
+
+
+def proven(matrix: Array, q: Array, basic: Mask) -> Array | None:
+    """Return the y (n,) whose basic entries a guess (n,) names; None if they solve nothing."""
+    y, k = zeros(len(q)), np.flatnonzero(basic)
+    found = solve(np.hstack((matrix[np.ix_(k, k)], -q[k, None])))
+    if found is None:
+        return None
+    y[k] = found
+    w = (matrix[~basic][:, k] @ found if k.size else 0) + q[~basic]
+    return None if (found < 0).any() or (w < 0).any() else y
+
+
+def solve(equations: Array) -> Array | None:
+    """Return the solution of equations (n, n + 1), the right-hand sides last; None if dependent."""
+    table = equations.copy()
+    for column in range(len(table)):
+        possible = np.flatnonzero(table[column:, column] != 0)
+        if not possible.size:
+            return None
+        row = column + int(possible[0])
+        table[[column, row]] = table[[row, column]]
+        _pivot(table, column, column)
+    return table[:, -1]
+
+
+def guess(matrix: Array, q: Array) -> Mask:
+    """Return which y (n,) are basic in the solution, by Lemke's pivots in doubles."""
+    n = q.size
+    row, artificial = int(q.argmin()), 2 * n
+    basis, entering = np.arange(n), artificial
+    if q[row] >= 0.0:
+        return np.zeros(n, dtype=np.bool_)
+    table = np.hstack((np.eye(n), -matrix, np.full((n, 1), -1.0), q[:, None]))
+    for _ in range(PIVOTS):
+        leaving, basis[row] = int(basis[row]), entering
+        table[row] /= table[row, entering]
+        factor = table[:, entering].copy()
+        factor[row] = 0.0
+        table -= factor[:, None] * table[row]
+        if leaving == artificial:
+            break
+        entering = leaving + n if leaving < n else leaving - n
+        possible = np.flatnonzero(table[:, entering] > 1e-11)
+        if not possible.size:
+            break
+        ratio = np.maximum(table[possible, -1], 0.0) / table[possible, entering]
+        least = ratio.min()
+        tied = possible[ratio <= least + 1e-11 * (1.0 + least)]
+        row = int(tied[(basis[tied] == artificial).argmax()])  # of the artificial one, if it ties
+    return np.isin(np.arange(n, 2 * n), basis)
 
 
 def complementary(matrix: Array, q: Array) -> Array:

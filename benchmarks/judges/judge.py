@@ -9,13 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.judges.certificate import Rationals, Stage, dot, minimiser
+from benchmarks.judges import exact
 from benchmarks.judges.exact import exactly, rational
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import choose
 from hcbf_gym.models.input_sets import InputSet
+
+Rationals = list[Any]
+LOOSE = 1e-10
+"""What the guess gives rows of norm 1 beyond their bounds: what stages before have decided is met
+without room, which rounding would make infeasible."""
 
 JUDGED = ("cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
 """The programs whose equations stand here."""
@@ -79,7 +84,7 @@ class Region:
         return u if lambda_u > 0.0 else self.pin(chosen, u).nearest()
 
     def relaxed(self, rows: Rows, lambda_u: float) -> Rationals:
-        """Return u of the least ``λ_u ‖u − u*‖² + Σ w_k max(δ_min, b_k − a_k u)²``, likewise."""
+        """Return u of the least ``λ_u ‖u − u*‖² + Σ w_k max(δ_min, b_k − a_k u)²``."""
         chosen = rows.only(rows.weight > 0.0)
         u = self._soft(chosen, lambda_u)
         if lambda_u > 0.0:
@@ -99,27 +104,59 @@ class Region:
     def _minimiser(
         self, lambda_u: float, a: Array, target: Rationals, weight: Array, least: Array | None
     ) -> Rationals:
-        parts = self.a, self.b, self.low, self.u_nominal
-        return minimiser(Stage(*parts, lambda_u, a, target, weight, least))
+        """Minimise ``λ ‖u − u*‖² + Σ w_k v_k²``: v = t − a u or, with least m, ``max(m, t − a u)``.
+
+        Rows and costs are scaled by powers of two to a size near 1, for the guess in doubles; rows
+        without a gradient stay out, as nothing depends on them.
+        """
+        n, low = self.low.size, exactly(self.low)
+        acting, paying = (self.a != 0.0).any(axis=1), (a != 0.0).any(axis=1)
+        size, unit = _scale(self.a[acting]), _scale(a[paying])
+        hard, soft = exactly(self.a[acting] * size[:, None]), exactly(a[paying] * unit[:, None])
+        bound = np.array(self.b, dtype=object)[acting] * exactly(size) - hard @ low
+        goal = np.array(target, dtype=object)[paying] * exactly(unit) - soft @ low
+        price = weight[paying] / unit**2
+        whole = 2.0 ** -np.round(np.log2(max(lambda_u, price.max(initial=0.0)) or 1.0))
+        price, pull = exactly(price * whole), rational(lambda_u * whole)
+        hessian = exactly(np.eye(n)) * pull
+        linear = pull * (low - exactly(self.u_nominal))
+        if least is None:
+            hessian = hessian + (soft.T * price) @ soft
+            linear = linear - (soft.T * price) @ goal
+            x = exact.quadratic_program(hessian, linear, hard, bound, LOOSE)
+            return (low + x).tolist()
+        m, s = exactly(least[paying] * unit), len(goal)
+        both = exact.zeros(n + s, n + s)
+        both[:n, :n], both[range(n, n + s), range(n, n + s)] = hessian, price
+        rows = np.vstack((
+            np.hstack((hard, exact.zeros(len(hard), s))), np.hstack((soft, exactly(np.eye(s)))),
+        ))  # fmt: skip
+        x = exact.quadratic_program(
+            both, np.concatenate((linear, price * m)), rows, np.concatenate((bound, goal - m)),
+            np.repeat((LOOSE, 0.0), (len(hard), s)),
+        )  # fmt: skip
+        return (low + x[:n]).tolist()
+
+
+def _scale(rows: Array) -> Array:
+    """Return (k,) the powers of two that bring rows (k, n) to a norm near 1."""
+    return 2.0 ** -np.round(np.log2(np.linalg.norm(rows, axis=1)))
+
+
+def dot(a: Array, u: Rationals) -> Any:
+    """Return a·u in rational numbers."""
+    return sum((rational(x) * y for x, y in zip(a.tolist(), u, strict=True) if x), rational(0))
 
 
 @dataclass(frozen=True)
 class Judge:
-    """One problem, and its solution by each program.
+    """One problem, and its solution by each program."""
 
-    Attributes:
-        region: U.
-        rows: all rows.
-        priority: (m,) from 1.
-        strict: (m,) whether the level of a row is strict under Lex-CBF-QP.
-        lambda_u: λ_u.
-    """
-
-    region: Region
-    rows: Rows
-    priority: np.ndarray
-    strict: np.ndarray
-    lambda_u: float
+    region: Region  # U
+    rows: Rows  # all rows
+    priority: np.ndarray  # (m,) from 1
+    strict: np.ndarray  # (m,) whether the level of a row is strict under Lex-CBF-QP
+    lambda_u: float  # λ_u
 
     @classmethod
     def of(cls, input_set: InputSet, u_nominal: np.ndarray, rows: CbfRows, program: Any) -> "Judge":
@@ -138,11 +175,7 @@ class Judge:
         return cls(region, known, rows.priority, strict, float(prices.lambda_u))
 
     def solve(self, name: str) -> Rationals:
-        """Return the input (n,) that the program of that name hands back.
-
-        Raises:
-            UnknownNameError: if its equation does not stand here.
-        """
+        """Return the input (n,) that the program of that name hands back."""
         choose("program", name, dict.fromkeys(JUDGED))
         if name == "cbf-qp":
             return self.region.meet(self.rows).nearest()

@@ -39,12 +39,6 @@ def paper_program(
     ``J_c q̈ + J̇_c q̇ = 0``, ``|F_x|, |F_y| ≤ µ F_z`` and ``τ_min ≤ τ ≤ τ_max``: the contact wrench
     cone of point feet, as a pyramid.
 
-    Args:
-        robot: a `DYNAMICS` record, M its mass matrix D and its bias H.
-        tasks: a `TASKS` record, the accelerations ÿ to come close to.
-        friction: µ.
-        limits: (2, 12) least and largest τ of each joint [N·m].
-
     Source: section II-B of the paper, "Task-Space Controller".
     """
     M, bias, v, R, stance = robot.M, robot.bias, robot.v, robot.R, robot.stance

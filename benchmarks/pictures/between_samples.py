@@ -1,15 +1,8 @@
 """Draw for `docs/rows.md` how h moves between samples, under usual and under held rows."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 
+from benchmarks.pictures.canvas import Args, plt, save
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Disc, RowSettings
 from hcbf_gym.barriers.planar_rows import planar_rows
@@ -19,16 +12,7 @@ from hcbf_gym.drawing.palette import priority_color
 PERIOD, U_MAX, RADIUS = 0.05, 5.0, 0.3
 """How long an input is held [s], the largest input [m/s²], the disc's radius [m]."""
 SECONDS = 4.0
-FINE = 40
-"""Points drawn in a period."""
-
-
-@dataclass(frozen=True)
-class Args:
-    """Where the picture goes."""
-
-    output: Path = Path("docs/images")
-    """Folder for between_samples.png."""
+FINE = 40  # Points drawn in a period
 
 
 def main(args: Args) -> None:
@@ -47,17 +31,11 @@ def main(args: Args) -> None:
     axes.set(xlabel=f"time [s]; a dot every {PERIOD} s is a sample", ylabel="h [mm]")
     axes.set(xlim=(1.0, SECONDS), ylim=(-30.0, 180.0))
     axes.legend(frameon=False, loc="upper right")
-    args.output.mkdir(parents=True, exist_ok=True)
-    figure.savefig(args.output / "between_samples.png", dpi=110)
-    plt.close(figure)
+    save(figure, args.output / "between_samples.png", 110)
 
 
 def drive(how: RowSettings) -> tuple[Array, Array]:
-    """Return times (n,) [s] and h (n,) [m] of a drive along a disc under its row.
-
-    Args:
-        how: which row.
-    """
+    """Return times (n,) [s] and h (n,) [m] of a drive along a disc under its row."""
     barriers = BarrierSet([[Disc("disc", 1, center=(0.0, 0.0), radius=RADIUS)]])
     x = np.array([RADIUS + 0.3, 0.0, 0.0, 0.0])
     times, heights = [np.zeros(1)], [np.array([0.3])]
@@ -74,12 +52,7 @@ def drive(how: RowSettings) -> tuple[Array, Array]:
 
 
 def nominal(t: float, x: Array) -> Array:
-    """Return the input (2,) that presses against the disc and slides along it, to and fro.
-
-    Args:
-        t: time [s].
-        x: (4,) state.
-    """
+    """Return the input (2,) that presses against the disc and slides along it, to and fro."""
     outward = x[:2] / np.hypot(*x[:2])
     along = np.array([-outward[1], outward[0]])
     speed = 1.2 * np.sign(np.sin(2.0 * np.pi * t / 0.6))

@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import matplotlib as mpl
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt
-
+from benchmarks.pictures import canvas
+from benchmarks.pictures.canvas import plt
+from benchmarks.pictures.gallery import save
 from hcbf_gym import policies, wrappers
 from hcbf_gym.drawing.palette import priority_color
 from hcbf_gym.envs.task import CONTROL_DT
@@ -47,14 +45,9 @@ SCENE: dict[str, Any] = {
     "v_max": 1.0,
 }
 SECONDS = 15.0
-STEPS = 8
-"""Control steps between two pictures."""
-SPEED = 2.0
-"""Of the film, relative to the robot."""
-SIZE = (720, 480)
-"""Of a picture [pixels]."""
-LARGEST = 2_000_000
-"""Of the film [bytes]."""
+STEPS = 8  # Control steps between two pictures
+SIZE = (720, 480)  # Of a picture [pixels]
+LARGEST = 2_000_000  # Of the film [bytes]
 _STRIP = 30  # [pixels] under the picture, for the line of text
 
 
@@ -70,10 +63,13 @@ class Args:
 
 def main(args: Args) -> None:
     """Draw the picture, then film."""
-    args.output.mkdir(parents=True, exist_ok=True)
     draw(args.output / "pool_and_lawn.png")
-    if args.film:
-        save(args.output / "conflict.webp", film())
+    path, pictures = args.output / "conflict.webp", film() if args.film else []
+    for quality in range(90, 24, -5) if pictures else ():
+        save(path, pictures, STEPS, quality)
+        if path.stat().st_size <= LARGEST:
+            print(f"{path}: {len(pictures)} pictures, quality {quality}")
+            break
 
 
 def film() -> list[Image.Image]:
@@ -124,31 +120,6 @@ def captioned(frame: NDArray[np.uint8], h: NDArray[np.float64], relaxed: bool) -
     return picture
 
 
-def save(path: Path, pictures: list[Image.Image]) -> None:
-    """Write pictures as a WebP file without end, as good as its size permits.
-
-    Args:
-        path: of the file.
-        pictures: of one size, at least one.
-    """
-    pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
-    quality = 90
-    while True:
-        pictures[0].save(
-            path,
-            save_all=True,
-            append_images=pictures[1:],
-            duration=[*[pause] * (len(pictures) - 1), 1500],
-            loop=0,
-            quality=quality,
-            method=4,
-        )
-        if path.stat().st_size <= LARGEST or quality <= 25:
-            break
-        quality -= 5
-    print(f"{path}: {len(pictures)} pictures, quality {quality}, {path.stat().st_size:,} bytes")
-
-
 def draw(path: Path) -> None:
     """Draw pool, lawn and robot, and beside them the inputs that each rank permits."""
     red, orange = priority_color(1), priority_color(2)
@@ -164,7 +135,7 @@ def draw(path: Path) -> None:
     ground.text(-0.5, 0.8, "lawn, rank 2: leave it", color="#8a5a00")
     ground.text(1.08, -0.85, "pool, rank 1: do not enter", color=red)
     ground.set(xlim=(-0.6, 3.0), ylim=(-1.0, 1.0), xlabel="x [m]", ylabel="y [m]")
-    ground.set_title("The nearest way off the lawn leads through the pool", fontsize=10)
+    ground.set_title("The shortest path off the lawn leads through the pool", fontsize=10)
 
     inputs.axvspan(1.0, 5.0, color=red, alpha=0.25)
     inputs.axvspan(-1.0, 3.0, color=orange, alpha=0.18)
@@ -181,5 +152,4 @@ def draw(path: Path) -> None:
     inputs.text(3.05, 1.55, "lawn requires", color="#8a5a00")
     inputs.set(xlim=(-1.0, 5.0), ylim=(-1.2, 2.0), xlabel="$u_x$ [m/s²]", ylabel="$u_y$ [m/s²]")
     inputs.set_title("No input meets both rows", fontsize=10)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    canvas.save(figure, path, 110)

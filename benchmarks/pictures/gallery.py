@@ -19,49 +19,39 @@ from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 
-STEPS = 10
-"""Control steps between two pictures."""
-SPEED = 2.0
-"""Of the loop, relative to the robot."""
-SIZE = (400, 300)
-"""Of a picture [pixels]."""
-QUALITY = 35
-"""Of the WebP file, of 100."""
+STEPS = 10  # Control steps between two pictures
+SPEED = 2.0  # Of the loop, relative to the robot
+SIZE = (400, 300)  # Of a picture [pixels]
+QUALITY = 35  # Of the WebP file, of 100
 _STRIP = 22  # [pixels] under the picture, for the line of text
 
 
+WALKER = "hcbf_robots:HCBF-WalkerRegions-v0"
+
+
 class Loop(NamedTuple):
-    """One film.
+    """One film."""
 
-    Attributes:
-        scenario: its name.
-        seed: of the environment and of the attack.
-        policy: "pd", or the name of an attack of `evaluation.attacks`.
-        seconds: how long it lasts at most [s].
-        filter_options: arguments of `SafetyFilter`; None for no filter.
-        env_options: further arguments of the environment.
-    """
-
-    scenario: str
-    seed: int
-    policy: str
-    seconds: float
-    filter_options: Mapping[str, Any] | None
-    env_options: Mapping[str, Any] = {}
+    scenario: str  # its name
+    seed: int  # of the environment and of the attack
+    policy: str  # "pd", or the name of an attack of `evaluation.attacks`
+    seconds: float  # how long it lasts at most [s]
+    filter_options: Mapping[str, Any] | None  # arguments of `SafetyFilter`; None for no filter
+    env_options: Mapping[str, Any] = {}  # further arguments of the environment
     env: str = "HCBF-A1Regions-v0"
 
 
 def _attacked(robot: str, seed: int, attack: str = "edge") -> Loop:
     """Return the film of a walker under attack."""
     options = {"robot": robot, "body": "footprint"}
-    return Loop("random", seed, attack, 14.0, LEX, options, "HCBF-WalkerRegions-v0")
+    return Loop("random", seed, attack, 14.0, LEX, options, WALKER)
 
 
 LEX: dict[str, Any] = {"program": "lex-cbf-qp"}
 H: dict[str, Any] = {"program": "h-cbf-qp", "delta_gamma": 1.3}
 GUIDED = LEX | {"guidance": "geodesic"}
 CART = {"robot": "cart", "body": "footprint"}
-LOOPS = {
+LOOPS = {  # The loops of the site by name
     "attack": Loop("random", 1, "edge", 14.0, LEX, {"body": "footprint"}),
     "unfiltered": Loop("paper-simulation", 0, "pd", 18.0, None),
     "paper-simulation": Loop("paper-simulation", 0, "pd", 18.0, H | {"gamma0": 5.0}),
@@ -73,14 +63,12 @@ LOOPS = {
     "cart": _attacked("cart", 1),
     "holonomic-cart": _attacked("holonomic-cart", 1),
     "map-flat": Loop("map-flat", 2, "edge", 20.0, GUIDED, {"body": "footprint"}),
-    "map-office": Loop("map-office", 1, "nearest", 24.0, GUIDED, CART, "HCBF-WalkerRegions-v0"),
+    "map-office": Loop("map-office", 1, "nearest", 24.0, GUIDED, CART, WALKER),
 }
-"""The loops of the site by name."""
-FOREIGN = {
+FOREIGN = {  # The loops of robots that are not the project's own: their contracts read `$HCBF_DATA`
     name: _attacked(f"tests/robots/contracts/{name}.json", 1)
     for name in ("go1", "berkeley_humanoid")
 }
-"""The loops of robots that are not the project's own: their contracts read `$HCBF_DATA`."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +76,7 @@ class Args:
     """Which loops to film."""
 
     loops: tuple[str, ...] = field(default_factory=lambda: tuple(LOOPS))
-    """Their names; of robots that are not the project's own only when asked for."""
+    """Their names; of robots that are not the project's own only by name."""
     size: tuple[int, int] = SIZE
     """Of a picture [pixels]."""
     output: Path = Path("docs/images/gallery")
@@ -108,12 +96,7 @@ def main(args: Args) -> None:
 
 
 def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], float]:
-    """Return the pictures of a loop, and the least h of its strict regions and walls [m].
-
-    Args:
-        loop: what to film.
-        size: of a picture [pixels].
-    """
+    """Return the pictures of a loop, and the least h of its strict regions and walls [m]."""
     options: Any = {"scenario": loop.scenario, "render_mode": "rgb_array"} | dict(loop.env_options)
     env: gym.Env = gym.make(loop.env, **options)
     if loop.filter_options is not None:
@@ -138,21 +121,18 @@ def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], f
     return pictures, least
 
 
-def save(path: Path, pictures: list[Image.Image]) -> None:
-    """Write pictures as a WebP file that starts over without end.
-
-    Args:
-        path: of the file.
-        pictures: of one size, at least one.
-    """
-    pause = round(1000 * STEPS * CONTROL_DT / SPEED)  # [ms]
+def save(
+    path: Path, pictures: list[Image.Image], steps: int = STEPS, quality: int = QUALITY
+) -> None:
+    """Write pictures that are some control steps apart as a WebP file, played without end."""
+    pause = round(1000 * steps * CONTROL_DT / SPEED)  # [ms]
     pictures[0].save(
         path,
         save_all=True,
         append_images=pictures[1:],
         duration=[*[pause] * (len(pictures) - 1), 1500],
         loop=0,
-        quality=QUALITY,
+        quality=quality,
         method=4,
     )
 
@@ -166,7 +146,7 @@ def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
 def _captioned(
     frame: NDArray[np.uint8], size: tuple[int, int], time: float, h: float
 ) -> Image.Image:
-    """Return a frame of a size [pixels], over a line that says how near rank 1 is."""
+    """Return a frame of a size [pixels], over a line with the distance to rank 1."""
     picture = Image.new("RGB", (size[0], size[1] + _STRIP), "white")
     picture.paste(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=14)

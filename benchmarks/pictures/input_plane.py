@@ -1,17 +1,11 @@
 """Draw the input plane at one conflicting state: the rows, U, and what each program chooses."""
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
 
+from benchmarks.pictures.canvas import Args, plt, save
 from hcbf_gym import programs
 from hcbf_gym.drawing.palette import PRIORITY_COLORS, PROGRAM_COLORS
 from hcbf_gym.models.input_sets import Box
@@ -37,14 +31,6 @@ CHOICES: dict[str, tuple[str, dict[str, Any], str]] = {
     "EH-CBF-QP, γ₀ = 100": ("eh-cbf-qp", {"gamma0": 100.0, "delta_gamma": 0.0}, "^"),
     "Lex-CBF-QP": ("lex-cbf-qp", {}, "*"),
 }
-
-
-@dataclass(frozen=True)
-class Args:
-    """Where the picture goes."""
-
-    output: Path = Path("docs/images")
-    """Folder for input_plane.png."""
 
 
 def main(args: Args) -> None:
@@ -77,5 +63,4 @@ def main(args: Args) -> None:
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
     axes.set(xlabel="$u_x$ [m/s²]", ylabel="$u_y$ [m/s²]")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=9)
-    args.output.mkdir(parents=True, exist_ok=True)
-    figure.savefig(args.output / "input_plane.png", dpi=110, bbox_inches="tight")
+    save(figure, args.output / "input_plane.png", 110)

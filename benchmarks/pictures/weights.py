@@ -1,23 +1,15 @@
 """Draw what the weights γ₀ and Δγ change where the rows of ranks 2 and 3 oppose each other."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
-import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from benchmarks.pictures.canvas import Args, plt, save
 from hcbf_gym import models, programs
 from hcbf_gym.barriers import GeneralRows, HalfPlane, LinearClassK
 from hcbf_gym.drawing.palette import priority_color
 
-WALL = HalfPlane("wall", 1, normal=(0.0, 1.0), offset=-5.0)
-"""Far away: rank 1 decides nothing here."""
+WALL = HalfPlane("wall", 1, normal=(0.0, 1.0), offset=-5.0)  # Far away: rank 1 decides nothing here
 LAWN = HalfPlane("lawn", 2, normal=(1.0, 0.0), offset=0.3)
 BED = HalfPlane("flower bed", 3, normal=(-1.0, 0.0), offset=0.9)
 """The robot, at rest in the origin, is inside both: h is −0.3 m and −0.9 m."""
@@ -27,14 +19,6 @@ ROWS = GeneralRows(models.DoubleIntegrator(), LinearClassK(1.0), LinearClassK(2.
 U_NOMINAL = np.array([1.0, 0.0])
 GAMMA0 = np.geomspace(0.02, 50.0, 60)
 DELTA_GAMMA = np.linspace(0.0, 5.0, 60)
-
-
-@dataclass(frozen=True)
-class Args:
-    """Where the picture goes."""
-
-    output: Path = Path("docs/images")
-    """Folder for weights.png."""
 
 
 def main(args: Args) -> None:
@@ -57,9 +41,7 @@ def main(args: Args) -> None:
     right.set(xlabel="$\\Delta\\gamma$ [1/m]", xlim=(0.0, DELTA_GAMMA[-1]))
     right.set_title("A price that grows with the depth ($\\gamma_0$ = 1)", fontsize=10)
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    args.output.mkdir(parents=True, exist_ok=True)
-    figure.savefig(args.output / "weights.png", dpi=110)
-    plt.close(figure)
+    save(figure, args.output / "weights.png", 110)
     print(f"lex-cbf-qp: {locked.round(2)}")
     for name, values in (("Δγ = 0", by_delta[0]), ("Δγ = 5", by_delta[-1])):
         print(f"r-cbf-qp, γ₀ = 1, {name}: {values.round(2)}")

@@ -1,1 +1,1 @@
-"""What `benchmarks.refute` searches: regions and motion of its own, and a function a claim."""
+"""What `benchmarks.refute` searches: regions, motion, and a function for each claim."""

@@ -24,6 +24,38 @@ ROUNDING = 1e-9
 BETA = 1.0
 
 
+class Hold(NamedTuple):
+    """States beside a region, an input that meets its row, and what one hold makes of them."""
+
+    h: Array
+    n: Array
+    r: Array
+    margin: Array
+    k: Array
+    rate: Array
+    b: Array
+    u: Array
+    tau: Array
+    later: Array
+    turned: Array
+    psi: Array
+
+
+def log_of(share: Array, low: float, high: float) -> Array:
+    """Return 10 to the power of what lies between low and high, 0 below the first tenth."""
+    return np.where(share < 0.1, 0.0, 10.0 ** (low + (high - low) * (share - 0.1) / 0.9))
+
+
+def across(n: Array) -> Array:
+    """Return n turned by a right angle."""
+    return np.stack([-n[..., 1], n[..., 0]], axis=-1)
+
+
+def kept(s: Hold) -> Array:
+    """Return h(τ) − m(τ) (N, LOOKS + 1) without the rounding."""
+    return s.later - s.margin[0][:, None] - s.margin[1][:, None] * s.tau
+
+
 class Case(NamedTuple):
     """A region, its numbers as `value` reads them, and how rows are made."""
 
@@ -33,23 +65,100 @@ class Case(NamedTuple):
     how: RowSettings
     velocity: Array
 
+    @property
+    def period(self) -> float:
+        """T [s]."""
+        assert self.how.period is not None
+        return self.how.period
 
-def value(kind: str, c: Array, p: Array) -> tuple[Array, Array]:
-    """Return the signed distances of points p (..., 2) from a region, and their gradients."""
-    if kind == "wall":
-        return p @ c[:2] - c[2], np.broadcast_to(c[:2], p.shape)
-    if kind == "ellipse":
-        return _ellipse(c, p)
-    if kind == "disc":
-        foot, radius = np.zeros(2), c[0]
-    elif kind == "capsule":
-        share = np.clip(p @ c[:2] / (c[:2] @ c[:2]), 0.0, 1.0)
-        foot, radius = share[..., None] * c[:2], c[2]
-    else:
-        return _polygon(c.reshape(-1, 2), p)
-    way = p - foot
-    far = np.linalg.norm(way, axis=-1)
-    return far - radius, way / np.maximum(far, 1e-300)[..., None]
+    @property
+    def u_max(self) -> float:
+        """The largest norm of an input [m/s²]."""
+        assert self.how.u_max is not None
+        return self.how.u_max
+
+    @property
+    def deep(self) -> float:
+        """How far the region reaches beyond its core [m]."""
+        if self.kind == "ellipse":
+            return float(self.c[1] ** 2 / self.c[0])
+        return float(self.c[-1]) if self.kind in ("disc", "capsule") else 0.0
+
+    @property
+    def rounding(self) -> float:
+        """What held rows reserve besides, as the table of shapes has it [m]."""
+        half = 0.5 * self.u_max * self.period**2
+        return max(0.0, half - (np.inf if self.kind == "wall" else self.deep))
+
+    def value(self, p: Array) -> tuple[Array, Array]:
+        """Return the signed distances of points p (..., 2) from the region, and their gradients."""
+        c = self.c
+        if self.kind == "wall":
+            return p @ c[:2] - c[2], np.broadcast_to(c[:2], p.shape)
+        if self.kind == "ellipse":
+            return _ellipse(c, p)
+        if self.kind == "polygon":
+            return _polygon(c.reshape(-1, 2), p)
+        foot, radius = np.zeros(2), c[-1]
+        if self.kind == "capsule":
+            foot = np.clip(p @ c[:2] / (c[:2] @ c[:2]), 0.0, 1.0)[..., None] * c[:2]
+        offset = p - foot
+        far = np.linalg.norm(offset, axis=-1)
+        return far - radius, offset / np.maximum(far, 1e-300)[..., None]
+
+    def rows(self, x: Array, margin: Array, held: bool = True) -> tuple[Array, Array, Array]:
+        """Return a (N, 2), b (N,) and ψ (N,) of compiled rows; `margin` is (3, N)."""
+        n, settings = len(x), self.how.packed.copy()
+        settings[10] = held  # as `RowSettings.packed` has it
+        kind, numbers = self.barriers.kind.repeat(n, 0), self.barriers.parameters.repeat(n, 0)
+        a, out, reserved = np.empty((n, 1, 2)), np.empty((4, n, 1)), margin[:, :, None].copy()
+        _core.planar_rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)
+        return a[:, 0], out[B, :, 0], out[PSI, :, 0]
+
+    def place(self, z: Array, away: Array) -> tuple[Array, Array]:
+        """Return points (N, 2) at the distance `away` from the region, and ∇h there."""
+        size = 1.5 * max(float(np.abs(self.c).max()), 1e-3)
+        angle = 2.0 * np.pi * z[:, 0]
+        p = size * (1.0 + z[:, 1:2]) * np.column_stack([np.cos(angle), np.sin(angle)])
+        h, n = self.value(p)
+        p = p - (h - away)[:, None] * n
+        h, n = self.value(p)
+        return p, np.where(np.abs(h - away)[:, None] < 1e-9 + 1e-6 * away[:, None], n, np.nan)
+
+    def push(self, n: Array, b: Array, surplus: Array, aside: Array) -> Array:
+        """Return inputs of the norm u_max at most that meet a·u ≥ b, NaN where there is none."""
+        top = self.u_max
+        level = np.maximum(b, -top) + np.where(
+            surplus < 0.5, 0.0, (2.0 * surplus - 1.0) * 2.0 * top
+        )
+        level = np.where(b <= top, np.minimum(level, top), np.nan)
+        left = np.sqrt(np.maximum(0.0, top**2 - level**2))
+        return level[:, None] * n + ((2.0 * aside - 1.0) * left)[:, None] * across(n)
+
+    def hold(self, z: Array, literal: bool = False) -> Hold:
+        """Return what numbers z (N, NUMBERS) say; `literal` leaves the rounding out of m."""
+        span, extra = self.period, 0.0 if literal else self.rounding
+        margin = np.stack(
+            [log_of(z[:, 2], -4, -0.5), 0.5 * log_of(z[:, 3], -3, 0), log_of(z[:, 4], -2, 1)]
+        )
+        margin[1] *= np.where(z[:, 5] < 0.3, -1.0, 1.0)
+        margin[1] = np.maximum(margin[1], -margin[0] / span)  # m ≥ 0 stays
+        margin[2] *= z[:, 5] > 0.6
+        k = log_of(z[:, 6], -6.0, 0.5)
+        p, n = self.place(z, k + margin[0] + extra)
+        psi = log_of(z[:, 7], -5.0, 0.8)
+        rate = psi - self.how.alpha1.values(k)
+        r_n = rate + margin[1]
+        r = r_n[:, None] * n + (2.0 * z[:, 8] - 1.0)[:, None] * 10.0 ** (
+            2.0 * z[:, 9:10] - 1.5
+        ) * across(n)
+        x = np.hstack([p, r + self.velocity])
+        _, b, _ = self.rows(x, margin)
+        u = self.push(n, b, z[:, 10], z[:, 11])
+        tau = np.linspace(0.0, span, LOOKS + 1)
+        path = p[:, None] + r[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
+        later, turned = self.value(path)
+        return Hold(k + margin[0] + extra, n, r, margin, k, rate, b, u, tau, later, turned, psi)
 
 
 def _polygon(corner: Array, p: Array) -> tuple[Array, Array]:
@@ -59,11 +168,11 @@ def _polygon(corner: Array, p: Array) -> tuple[Array, Array]:
     over = p[..., None, :] - corner
     height = (over * normal).sum(-1)
     share = np.clip((over * edge).sum(-1) / long**2, 0.0, 1.0)
-    way = over - share[..., None] * edge
-    far = np.linalg.norm(way, axis=-1)
+    offset = over - share[..., None] * edge
+    far = np.linalg.norm(offset, axis=-1)
     nearest, highest = far.argmin(-1)[..., None], height.argmax(-1)
     out = np.take_along_axis(far, nearest, -1)[..., 0]
-    beside = np.take_along_axis(way, nearest[..., None], -2)[..., 0, :]
+    beside = np.take_along_axis(offset, nearest[..., None], -2)[..., 0, :]
     beside = beside / np.maximum(out, 1e-300)[..., None]
     inside = height.max(-1) <= 1e-13
     h = np.where(inside, height.max(-1), out)
@@ -123,116 +232,3 @@ def draw(rng: np.random.Generator, kind: str = "") -> Case:
         corner = round_ * 10.0 ** rng.uniform(-2.0, 0.3)
         made, c = ConvexPolygon(kind, 1, tuple(map(tuple, corner.tolist())), v), corner.ravel()
     return Case(kind, c, BarrierSet([(made,)]), how, np.array(v))
-
-
-def rows(case: Case, x: Array, margin: Array, held: bool = True) -> tuple[Array, Array, Array]:
-    """Return a (N, 2), b (N,) and ψ (N,) of compiled rows; `margin` is (3, N)."""
-    n, settings = len(x), case.how.packed.copy()
-    settings[10] = held  # as `RowSettings.packed` has it
-    kind, numbers = case.barriers.kind.repeat(n, 0), case.barriers.parameters.repeat(n, 0)
-    a, out, reserved = np.empty((n, 1, 2)), np.empty((4, n, 1)), margin[:, :, None].copy()
-    _core.planar_rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)
-    return a[:, 0], out[B, :, 0], out[PSI, :, 0]
-
-
-def rounding(case: Case) -> float:
-    """Return what held rows reserve besides, as the table of shapes has it."""
-    half = 0.5 * u_max(case) * period(case) ** 2
-    return max(0.0, half - (np.inf if case.kind == "wall" else deep(case)))
-
-
-def deep(case: Case) -> float:
-    """Return how far a region reaches beyond its core."""
-    if case.kind == "ellipse":
-        return float(case.c[1] ** 2 / case.c[0])
-    return float(case.c[-1]) if case.kind in ("disc", "capsule") else 0.0
-
-
-def period(case: Case) -> float:
-    """Return T [s]."""
-    assert case.how.period is not None
-    return case.how.period
-
-
-def u_max(case: Case) -> float:
-    """Return the largest norm of an input [m/s²]."""
-    assert case.how.u_max is not None
-    return case.how.u_max
-
-
-def log_of(share: Array, low: float, high: float) -> Array:
-    """Return 10 to the power of what lies between low and high, 0 below the first tenth."""
-    return np.where(share < 0.1, 0.0, 10.0 ** (low + (high - low) * (share - 0.1) / 0.9))
-
-
-def place(case: Case, z: Array, away: Array) -> tuple[Array, Array]:
-    """Return points (N, 2) at the distance `away` from the region, and ∇h there."""
-    size = 1.5 * max(float(np.abs(case.c).max()), 1e-3)
-    angle = 2.0 * np.pi * z[:, 0]
-    p = size * (1.0 + z[:, 1:2]) * np.column_stack([np.cos(angle), np.sin(angle)])
-    h, n = value(case.kind, case.c, p)
-    p = p - (h - away)[:, None] * n
-    h, n = value(case.kind, case.c, p)
-    return p, np.where(np.abs(h - away)[:, None] < 1e-9 + 1e-6 * away[:, None], n, np.nan)
-
-
-def across(n: Array) -> Array:
-    """Return n turned by a right angle."""
-    return np.stack([-n[..., 1], n[..., 0]], axis=-1)
-
-
-class Hold(NamedTuple):
-    """States beside a region, an input that meets its row, and what one hold makes of them."""
-
-    h: Array
-    n: Array
-    r: Array
-    margin: Array
-    k: Array
-    rate: Array
-    b: Array
-    u: Array
-    tau: Array
-    later: Array
-    turned: Array
-    psi: Array
-
-
-def hold(case: Case, z: Array, literal: bool = False) -> Hold:
-    """Return what numbers z (N, NUMBERS) say; `literal` leaves the rounding out of m."""
-    span, extra = period(case), 0.0 if literal else rounding(case)
-    margin = np.stack(
-        [log_of(z[:, 2], -4, -0.5), 0.5 * log_of(z[:, 3], -3, 0), log_of(z[:, 4], -2, 1)]
-    )
-    margin[1] *= np.where(z[:, 5] < 0.3, -1.0, 1.0)
-    margin[1] = np.maximum(margin[1], -margin[0] / span)  # m ≥ 0 stays
-    margin[2] *= z[:, 5] > 0.6
-    k = log_of(z[:, 6], -6.0, 0.5)
-    p, n = place(case, z, k + margin[0] + extra)
-    psi = log_of(z[:, 7], -5.0, 0.8)
-    rate = psi - case.how.alpha1.values(k)
-    r_n = rate + margin[1]
-    r = r_n[:, None] * n + (2.0 * z[:, 8] - 1.0)[:, None] * 10.0 ** (
-        2.0 * z[:, 9:10] - 1.5
-    ) * across(n)
-    x = np.hstack([p, r + case.velocity])
-    _, b, _ = rows(case, x, margin)
-    u = push(case, n, b, z[:, 10], z[:, 11])
-    tau = np.linspace(0.0, span, LOOKS + 1)
-    way = p[:, None] + r[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
-    later, turned = value(case.kind, case.c, way)
-    return Hold(k + margin[0] + extra, n, r, margin, k, rate, b, u, tau, later, turned, psi)
-
-
-def push(case: Case, n: Array, b: Array, surplus: Array, aside: Array) -> Array:
-    """Return inputs of the norm u_max at most that meet a·u ≥ b, NaN where there is none."""
-    top = u_max(case)
-    level = np.maximum(b, -top) + np.where(surplus < 0.5, 0.0, (2.0 * surplus - 1.0) * 2.0 * top)
-    level = np.where(b <= top, np.minimum(level, top), np.nan)
-    left = np.sqrt(np.maximum(0.0, top**2 - level**2))
-    return level[:, None] * n + ((2.0 * aside - 1.0) * left)[:, None] * across(n)
-
-
-def kept(s: Hold) -> Array:
-    """Return h(τ) − m(τ) (N, LOOKS + 1) without the rounding."""
-    return s.later - s.margin[0][:, None] - s.margin[1][:, None] * s.tau

@@ -17,8 +17,7 @@ from hcbf_gym.policies import learned
 FIRST_SEED = {"random": 50_000, "random-moving": 60_000, "random-wide": 70_000}
 """Of each family: with the same seed the first two have the same strict regions."""
 
-AIMED = ("nearest", "corner", "edge")
-"""The attacks that came closest."""
+AIMED = ("nearest", "corner", "edge")  # The attacks that came closest
 
 FAST = ("bang-bang", "rotating", "edge", "slam")
 """The attacks that use the speed that a high cap leaves them."""
@@ -42,38 +41,25 @@ PLANTS: dict[str, dict[str, Any]] = {
         },
     },
 }
-"""Plants that differ from what the filter and the controller believe."""
+"""Plants that differ from the models of the filter and the controller."""
 
-FIX: dict[str, Any] = {"estimation": {}}
-"""A position fix of 2 cm at 20 Hz, 40 ms late."""
+FIX: dict[str, Any] = {"estimation": {}}  # A position fix of 2 cm at 20 Hz, 40 ms late
 BODY: dict[str, Any] = {"body": "footprint"}
 GUIDED: dict[str, Any] = {"guidance": "geodesic"}
 
 
 class Line(NamedTuple):
-    """One line of the tables.
+    """One line of the tables."""
 
-    Attributes:
-        section: what is varied.
-        name: how.
-        policies: hostile or not, `scenarios` for each of them.
-        seeds: how many for each policy and scenario.
-        scenarios: names of random ones.
-        env_options: further arguments of the environment.
-        filter_options: arguments of `SafetyFilter`.
-        calm: take scenes alone that do not start in a conflict.
-        v_max: the strict cap on the speed [m/s] in the place of the scenes' own.
-    """
-
-    section: str
-    name: str
-    policies: tuple[str, ...]
-    seeds: int
-    scenarios: tuple[str, ...] = ("random",)
-    env_options: Mapping[str, Any] | None = None
-    filter_options: Mapping[str, Any] | None = None
-    calm: bool = False
-    v_max: float | None = None
+    section: str  # what is varied
+    name: str  # how
+    policies: tuple[str, ...]  # hostile or not, `scenarios` for each of them
+    seeds: int  # how many for each policy and scenario
+    scenarios: tuple[str, ...] = ("random",)  # names of random ones
+    env_options: Mapping[str, Any] | None = None  # further arguments of the environment
+    filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
+    calm: bool = False  # take scenes alone that do not start in a conflict
+    v_max: float | None = None  # the strict cap on the speed [m/s] in the place of the scenes' own
 
     def episodes(self, quick: bool) -> list[AttackedEpisode]:
         """Return its episodes; with `quick` one for each policy and scenario, two seconds long."""
@@ -93,13 +79,7 @@ class Line(NamedTuple):
 
 
 def seeds(scenario: str, number: int, calm: bool) -> list[int]:
-    """Return the first seeds of a random scenario.
-
-    Args:
-        scenario: its name.
-        number: how many.
-        calm: leave out scenes whose start lies inside a region.
-    """
+    """Return the first seeds of a random scenario."""
     every = count(FIRST_SEED[scenario])
     taken = (seed for seed in every if not calm or start_is_free(scenario, seed))
     return list(islice(taken, number))
@@ -120,7 +100,7 @@ def start_is_free(scenario: str, seed: int) -> bool:
 
 BOTH = ("random", "random-moving")
 
-LINES = (
+LINES = (  # Every attack on the nominal plant, the aimed ones on others, and friendly policies
     *(Line("nominal", name, (name,), 150, BOTH) for name in ATTACKS),
     *(Line("cap", f"{v_max} m/s", FAST, 25, v_max=v_max) for v_max in (V_MAX, FASTEST)),
     Line("policy", "pd", ("pd",), 100),
@@ -135,4 +115,3 @@ LINES = (
         for name in ("pd", *learned.names())
     ),
 )
-"""Every attack on the nominal plant, the aimed ones on others, and friendly policies."""

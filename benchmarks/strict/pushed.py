@@ -1,4 +1,4 @@
-"""Pushes into a strict region: whether the filter says so, and when the robot comes out."""
+"""Pushes into a strict region: whether the filter reports it, and when the robot comes out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.common import table
 from hcbf_gym import policies, wrappers
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS
@@ -16,35 +17,23 @@ from hcbf_gym.programs import FilterStatus
 
 PROGRAMS = ("r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
 POLICIES = ("pd", *learned.names())
-SEEDS = 10
-"""For each program and policy."""
+SEEDS = 10  # For each program and policy
 FIRST_SEED = 80_000
 
-NEAR = 0.12
-"""How near an edge the robot is when it is pushed [m]."""
-IMPULSE = (25.0, 30.0)
-"""Of the push [N·s]."""
-STEPS = 5
-"""How long the push lasts [control steps]."""
-SECONDS = 5.0
-"""How long the robot is watched from the push on."""
-OUT_WITHIN = 2.5
-"""How long it may take to come out [s]."""
+NEAR = 0.12  # How near an edge the robot is when it is pushed [m]
+IMPULSE = (25.0, 30.0)  # Of the push [N·s]
+STEPS = 5  # How long the push lasts [control steps]
+SECONDS = 5.0  # How long the robot is watched from the push on
+OUT_WITHIN = 2.5  # How long it may take to come out [s]
 
 
 @dataclass(frozen=True)
 class PushedEpisode:
-    """What to run: the robot walks at the nearest strict edge, is pushed over it, and walks on.
+    """What to run: the robot walks at the nearest strict edge, is pushed over it, and walks on."""
 
-    Args:
-        program: of the filter.
-        policy: that goes on from the push on.
-        seed: of the environment, and of the push's strength.
-    """
-
-    program: str
-    policy: str
-    seed: int
+    program: str  # of the filter
+    policy: str  # from the push on
+    seed: int  # of the environment, and of the push's strength
 
     def run(self) -> "PushedOutcome":
         """Run the episode until `SECONDS` after the push."""
@@ -79,12 +68,12 @@ class PushedEpisode:
             if ended:
                 break
         inside = np.flatnonzero(np.array(h) < 0.0)
-        told = np.array(status)[inside] == FilterStatus.UNSAFE
+        unsafe = np.array(status)[inside] == FilterStatus.UNSAFE
         return PushedOutcome(
             near=near,
             depth=max(0.0, -min(h)),
             inside=len(inside),
-            told=int(told.sum()),
+            reported=int(unsafe.sum()),
             seconds=0.02 * float(inside[-1] + 1 - inside[0]) if len(inside) else 0.0,
             fell=fell,
         )
@@ -92,32 +81,18 @@ class PushedEpisode:
 
 @dataclass(frozen=True)
 class PushedOutcome:
-    """What one push showed, on the truth at every control step.
+    """What one push showed, on the truth at every control step."""
 
-    Attributes:
-        near: distance from the edge when the push began [m].
-        depth: how deep the robot got [m].
-        inside: control steps that began inside a strict region.
-        told: those of them at which the filter said UNSAFE.
-        seconds: from the first of them to the end of the last [s].
-        fell: whether the robot fell.
-    """
-
-    near: float
-    depth: float
-    inside: int
-    told: int
-    seconds: float
-    fell: bool
+    near: float  # distance from the edge when the push began [m]
+    depth: float  # how deep the robot got [m]
+    inside: int  # control steps that began inside a strict region
+    reported: int  # those of them with the status UNSAFE
+    seconds: float  # from the first of them to the end of the last [s]
+    fell: bool  # whether the robot fell
 
 
 def run(quick: bool, kept: Callable[..., Any]) -> list[dict[str, Any]]:
-    """Push the robot under every program and policy; return a row for each program.
-
-    Args:
-        quick: one push for each program.
-        kept: returns the outcomes of episodes, those of an interrupted run too.
-    """
+    """Push the robot under every program and policy; return a row for each program."""
     rows = []
     for program in PROGRAMS:
         episodes = [
@@ -131,7 +106,7 @@ def run(quick: bool, kept: Callable[..., Any]) -> list[dict[str, Any]]:
 
 
 def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
-    """Return what a row says of its pushes."""
+    """Return a row of its pushes."""
     seconds = [o.seconds for o in outcomes]
     return {
         "pushes": len(outcomes),
@@ -139,7 +114,7 @@ def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
         "entered": sum(o.inside > 0 for o in outcomes),
         "deepest": max(o.depth for o in outcomes),
         "steps_inside": sum(o.inside for o in outcomes),
-        "told": sum(o.told for o in outcomes),
+        "told": sum(o.reported for o in outcomes),
         "longest": max(seconds),
         "median": float(np.median([s for s in seconds if s > 0.0] or [0.0])),
         "late": sum(s > OUT_WITHIN for s in seconds),
@@ -147,19 +122,13 @@ def summary(outcomes: Sequence[PushedOutcome]) -> dict[str, Any]:
     }
 
 
-def table(rows: Sequence[dict[str, Any]]) -> Table:
+def tables(rows: Sequence[dict[str, Any]]) -> Table:
     """Return the table of all programs."""
-    header = (
-        "program", "pushes", "pushed in", "deepest [m]", "steps inside", "of these UNSAFE",
-        "median time inside [s]", "longest [s]", f"longer than {OUT_WITHIN} s", "falls",
-    )  # fmt: skip
-    cells = [
-        (
-            row["program"], str(row["pushes"]), str(row["entered"]), f"{row['deepest']:.2f}",
-            str(row["steps_inside"]), str(row["told"]), f"{row['median']:.2f}",
-            f"{row['longest']:.2f}", str(row["late"]), str(row["falls"]),
-        )
-        for row in rows
-    ]  # fmt: skip
+    columns = {
+        "program": "{program}", "pushes": "{pushes}", "pushed in": "{entered}",
+        "deepest [m]": "{deepest:.2f}", "steps inside": "{steps_inside}",
+        "of these UNSAFE": "{told}", "median time inside [s]": "{median:.2f}",
+        "longest [s]": "{longest:.2f}", f"longer than {OUT_WITHIN} s": "{late}", "falls": "{falls}",
+    }  # fmt: skip
     title = f"{IMPULSE[0]:.0f} to {IMPULSE[1]:.0f} N·s within {100 * NEAR:.0f} cm of an edge"
-    return Table(title, header, cells)
+    return table(title, rows, columns)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
+from benchmarks.common import table
 from hcbf_gym.errors import require
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import PARAMETERS
@@ -24,13 +25,6 @@ def worst_attack(trials: int, kept: Callable[..., Any]) -> dict[str, Any]:
     The attackers of one generation meet the same scene for `SECONDS`, the next generation another:
     CMA-ES compares within a generation alone. The objective is the least strict h of the episode
     [m].
-
-    Args:
-        trials: how many attackers are tried.
-        kept: returns the outcomes of episodes, those of an interrupted search too.
-
-    Raises:
-        MissingDependencyError: without the extra `studies`.
     """
     require("a search for attacks", "studies", "optuna", "cmaes")
     import optuna
@@ -71,13 +65,12 @@ def worst_attack(trials: int, kept: Callable[..., Any]) -> dict[str, Any]:
     }
 
 
-def table(found: dict[str, Any]) -> Table:
+def tables(found: dict[str, Any]) -> Table:
     """Return what the search found; no bound follows from attackers that are no random draws."""
-    header = ("search", "attackers tried", "of these entered", "least h [m]", "falls")
-    header += ("speed limit passed", "by at most [m/s]", "QP failures")
-    row = (
-        "CMA-ES", str(found["trials"]), str(found["entered"]), f"{found['least_h']:+.3f}",
-        str(found["falls"]), str(found["speed_passed"]),
-        f"{max(0.0, -found['least_speed_h']):.3f}", str(found["qp_failures"]),
-    )  # fmt: skip
-    return Table("searched attackers: they find failures, and bound nothing", header, [row])
+    columns = {
+        "search": "CMA-ES", "attackers tried": "{trials}", "of these entered": "{entered}",
+        "least h [m]": "{least_h:+.3f}", "falls": "{falls}", "speed limit passed": "{speed_passed}",
+        "by at most [m/s]": lambda f: f"{max(0.0, -f['least_speed_h']):.3f}",
+        "QP failures": "{qp_failures}",
+    }  # fmt: skip
+    return table("searched attackers: they find failures, and bound nothing", [found], columns)

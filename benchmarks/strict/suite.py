@@ -1,16 +1,17 @@
 """The evidence that rank 1 is never entered: every attack on every plant, and the worst found.
 
-Finished episodes are kept in ``results/strict``. A run that was interrupted goes on where it
-stopped, as long as the sources are the same.
+Finished episodes are kept in ``results/strict``. A run that was interrupted continues
+there, as long as the sources are the same.
 """
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.common import table
 from benchmarks.strict import pushed, search
 from benchmarks.strict.lines import LINES
 from hcbf_gym.evaluation.attacked import Outcome
@@ -20,24 +21,19 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
 FOLDER = Path("results/strict")
-DEPENDS = (
+DEPENDS = (  # What outcomes depend on besides what their episodes import
     "hcbf_gym/envs/a1_regions.py",
     "hcbf_gym/robots/a1/a1.xml",
     "hcbf_gym/policies/baselines/*",
 )
-"""What outcomes depend on besides what their episodes import."""
-TRIALS = 2000
-"""Attackers that the search tries."""
+TRIALS = 2000  # Attackers that the search tries
 
 Group = dict[str, Any]
+Column = str | Callable[[Any], str]
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Run every episode that is not done yet, and the search; return the tables' figures.
-
-    Args:
-        quick: the first line of each section, shorter, and few attackers.
-    """
+    """Run every episode that is not done yet, and the search; return the tables' figures."""
     root = Path(__file__).parents[2]
     besides = [file for pattern in DEPENDS for file in root.glob(pattern)]
     kept = functools.partial(outcomes, folder=FOLDER, reads=besides)
@@ -69,7 +65,7 @@ def outcomes(
 
 
 def summary(seen: Sequence[Outcome]) -> Group:
-    """Return what a line of the tables says of its episodes."""
+    """Return a line of the tables from its episodes."""
     least = np.array([o.least_h for o in seen])
     speed = np.array([o.least_speed_h for o in seen])
     second = np.array([o.least_second_h for o in seen])
@@ -113,79 +109,72 @@ def _estimator(seen: Sequence[Outcome]) -> dict[str, float]:
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables: attacks, the search, body, estimate, rank 2, and pushes."""
     groups = figures["groups"]
-    attacks = table(
-        "attacks on the strict rank, lex-cbf-qp",
-        [g for g in groups if g["section"] in ("nominal", "cap", "policy", "plant", "estimate")],
-        {
-            f"speed limit passed ({BOUNDED})": lambda g: counted(g["speed_passed"], g["episodes"]),
-            "by at most [m/s]": lambda g: f"{max(0.0, -g['least_speed_h']):.3f}",
-            "goals": lambda g: f"{g['reached']:.0%}",
-            "median least h where u changed [m]": lambda g: _metres(g["median_least_h"]),
-            "median margin [m]": lambda g: _metres(g["median_margin"]),
-            "false warnings": lambda g: str(g["warned"]),
-            "UNSAFE, VIOLATED, BACKUP steps": _bad_steps,
-            "QP failures": lambda g: str(g["qp_failures"]),
-        },
-    )
+
+    def of(title: str, chosen: Callable[[Group], bool], *more: Mapping[str, Column]) -> Table:
+        columns = {header: cell for some in more for header, cell in some.items()}
+        return summaries(title, filter(chosen, groups), columns)
+
+    goals, margin = {"goals": "{reached:.0%}"}, {"median margin [m]": _metres("median_margin")}
+    plain = ("nominal", "cap", "policy", "plant", "estimate")
     return {
-        "attacks": attacks,
-        "search": search.table(figures["search"]),
-        "body": table(
-            'the whole robot, body="footprint", lex-cbf-qp',
-            [g for g in groups if g["section"] == "body"],
+        "attacks": of(
+            "attacks on the strict rank, lex-cbf-qp",
+            lambda g: g["section"] in plain,
+            _count("speed limit passed", "speed_passed"),
+            {"by at most [m/s]": lambda g: f"{max(0.0, -g['least_speed_h']):.3f}"},
+            goals,
+            {"median least h where u changed [m]": _metres("median_least_h")},
+            margin,
             {
-                f"a geom inside ({BOUNDED})": lambda g: counted(g["body_entered"], g["episodes"]),
-                "least h of the geoms [m]": lambda g: _metres(g["least_body_h"]),
-                "greatest reach [m]": lambda g: f"{g['reach']:.3f}",
-                "goals": lambda g: f"{g['reached']:.0%}",
+                "false warnings": "{warned}",
+                "UNSAFE, VIOLATED, BACKUP steps": "{status[UNSAFE]}, {status[VIOLATED]}, "
+                "{status[BACKUP]}",
+                "QP failures": "{qp_failures}",
             },
         ),
-        "estimate": table(
+        "search": search.tables(figures["search"]),
+        "body": of(
+            'the whole robot, body="footprint", lex-cbf-qp',
+            lambda g: g["section"] == "body",
+            _count("a geom inside", "body_entered"),
+            {"least h of the geoms [m]": _metres("least_body_h")},
+            {"greatest reach [m]": "{reach:.3f}"},
+            goals,
+        ),
+        "estimate": of(
             "what a fix of 2 cm at 20 Hz, 40 ms late, costs and knows",
-            [g for g in groups if "nees" in g or g["section"] == "policy"],
+            lambda g: "nees" in g or g["section"] == "policy",
             {
-                "position error, RMS [m]": lambda g: _metres(g.get("position_rms")),
+                "position error, RMS [m]": _metres("position_rms"),
                 "NEES (4 is consistent)": lambda g: f"{g['nees']:.2f}" if "nees" in g else "",
                 "instants in the 95 % band": lambda g: (
                     f"{g['nees_inside']:.0%}" if "nees" in g else ""
                 ),
-                "median margin [m]": lambda g: _metres(g["median_margin"]),
-                "goals": lambda g: f"{g['reached']:.0%}",
             },
+            margin,
+            goals,
         ),
-        "rank-2": table(
+        "rank-2": of(
             "rank 2 where no conflict forces it, lex-cbf-qp",
-            [g for g in groups if g["section"] == "rank 2"],
-            {
-                f"rank 2 entered ({BOUNDED})": lambda g: counted(
-                    g["second_entered"], g["episodes"]
-                ),
-                "least h of rank 2 [m]": lambda g: _metres(g["least_second_h"]),
-                "goals": lambda g: f"{g['reached']:.0%}",
-            },
+            lambda g: g["section"] == "rank 2",
+            _count("rank 2 entered", "second_entered"),
+            {"least h of rank 2 [m]": _metres("least_second_h")},
+            goals,
         ),
-        "pushed": pushed.table(figures["pushed"]),
+        "pushed": pushed.tables(figures["pushed"]),
     }
 
 
-def table(title: str, groups: Sequence[Group], more: dict[str, Callable[[Group], str]]) -> Table:
-    """Return a table of groups: what all of them tell, and more."""
-    columns: dict[str, Callable[[Group], str]] = {
-        "": lambda g: f"{g['section']}: {g['name']}",
-        "episodes": lambda g: str(g["episodes"]),
-        f"entered ({BOUNDED})": lambda g: counted(g["entered"], g["episodes"]),
-        "least h [m]": lambda g: _metres(g["least_h"]),
-        "falls": lambda g: str(g["falls"]),
-        **more,
-    }
-    rows = [tuple(column(group) for column in columns.values()) for group in groups]
-    return Table(title, tuple(columns), rows)
+def summaries(title: str, groups: Iterable[Group], more: Mapping[str, Column]) -> Table:
+    """Return a table of groups: what all of them have, and more."""
+    columns = {"": "{section}: {name}", "episodes": "{episodes}"} | _count("entered", "entered")
+    columns |= {"least h [m]": _metres("least_h"), "falls": "{falls}"}
+    return table(title, groups, columns | dict(more))
 
 
-def _metres(value: float | None) -> str:
-    return "" if value is None else f"{value:+.3f}"
+def _count(header: str, key: str) -> dict[str, Column]:
+    return {f"{header} ({BOUNDED})": lambda g: counted(g[key], g["episodes"])}
 
 
-def _bad_steps(group: Group) -> str:
-    status = group["status"]
-    return f"{status['UNSAFE']}, {status['VIOLATED']}, {status['BACKUP']}"
+def _metres(key: str) -> Column:
+    return lambda g: "" if g.get(key) is None else f"{g[key]:+.3f}"

@@ -13,11 +13,7 @@ QUICK_PROGRAMS = ("h-cbf-qp",)
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Walk the course under every program; return a row of figures for each.
-
-    Args:
-        quick: under one program only.
-    """
+    """Walk the course under every program; return a row of figures for each."""
     programs = QUICK_PROGRAMS if quick else PROGRAMS
     cases = [Case("HCBF-A1Regions-v0", SCENARIO, "pd", program) for program in programs]
     episodes = {

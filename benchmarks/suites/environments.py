@@ -1,4 +1,4 @@
-"""Environment steps per second of one core, beside Gymnasium's own ways and Ant-v5.
+"""Environment steps per second of one core, beside Gymnasium's vector environments and Ant-v5.
 
 The seconds are the process's own (CPU time of one thread), so that a busy machine does not count.
 """
@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.vector import SyncVectorEnv
 
 import hcbf_gym
+from benchmarks.common import table
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.scenarios import Scenario
@@ -23,42 +24,27 @@ TARGETS = {("native", "none"): 1_000_000, ("native", "lex-cbf-qp"): 200_000}
 """Steps per second that the batch of 4096 must reach with five rows."""
 
 N = 4096
-EPISODE = 100
-"""Steps of an episode, few enough for every episode to restart during the measurement."""
+EPISODE = 100  # Steps of an episode, few enough for every episode to restart during the measurement
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Measure and return steps per second of each combination.
-
-    Args:
-        quick: fewer steps.
-    """
+    """Measure and return steps per second of each combination."""
     steps = EPISODE + 10 if quick else 3 * EPISODE
-    rows = [
-        _row("native", N, scenario, program, native(scenario, program, N), steps)
-        for scenario in (FIVE_ROWS, "random")
-        for program in ("none", "r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
-    ]
-    rows += [
-        _row(kind, n, FIVE_ROWS, program, make(FIVE_ROWS, program, n), steps)
-        for program in ("none", "lex-cbf-qp")
-        for kind, n, make in (("native", 1, native), ("SyncVectorEnv", 16, sync))
-    ]
-    rows += [
-        _row(
-            "native",
-            N,
-            scenario,
-            "lex-cbf-qp",
-            native(scenario, "lex-cbf-qp", N, kind),
-            steps,
-            kind,
-        )
-        for scenario in (FIVE_ROWS, "random")
-        for kind in ("geodesic", "local")
-    ]
+    every = ("none", "r-cbf-qp", "h-cbf-qp", "eh-cbf-qp", "lex-cbf-qp")
+    cases = [("native", N, scene, name, None) for scene in (FIVE_ROWS, "random") for name in every]
+    for name in ("none", "lex-cbf-qp"):
+        cases += [
+            ("native", 1, FIVE_ROWS, name, None),
+            ("SyncVectorEnv", 16, FIVE_ROWS, name, None),
+        ]
+    for scene in (FIVE_ROWS, "random"):
+        cases += [("native", N, scene, "lex-cbf-qp", kind) for kind in ("geodesic", "local")]
+    rows = [_row(*case, steps) for case in cases]
     ant = SyncVectorEnv([lambda: gym.make("Ant-v5")] * 16)
-    rows.append(_row("SyncVectorEnv of Ant-v5", 16, "-", "-", ant, steps))
+    rows.append(
+        {"environment": "SyncVectorEnv of Ant-v5", "n": 16, "scenario": "-", "program": "-"}
+        | {"guidance": None, "target": None, "steps_per_second": steps_per_second(ant, steps)}
+    )
     return {"rows": rows, "hcbf_gym": hcbf_gym.__version__, "gymnasium": gym.__version__}
 
 
@@ -100,40 +86,25 @@ def steps_per_second(env: gym.vector.VectorEnv, steps: int) -> float:
 
 
 def _row(
-    kind: str,
-    n: int,
-    scenario: str | Scenario,
-    program: str,
-    env: gym.vector.VectorEnv,
-    steps: int,
-    guidance: str | None = None,
+    kind: str, n: int, scenario: str | Scenario, program: str, guidance: str | None, steps: int
 ) -> dict[str, Any]:
-    target = TARGETS.get((kind, program)) if n == N and scenario is FIVE_ROWS else None
-    target = None if guidance else target
+    own = kind == "native"
+    env = native(scenario, program, n, guidance) if own else sync(scenario, program, n)
+    required = n == N and scenario is FIVE_ROWS and not guidance
     return {
-        "environment": kind,
-        "n": n,
+        "environment": kind, "n": n,
         "scenario": scenario if isinstance(scenario, str) else scenario.name,
-        "program": program,
-        "guidance": guidance,
+        "program": program, "guidance": guidance,
         "steps_per_second": steps_per_second(env, steps),
-        "target": target,
-    }
+        "target": TARGETS.get((kind, program)) if required else None,
+    }  # fmt: skip
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return steps per second of each combination, beside what is asked."""
-    cells = [
-        (
-            row["environment"],
-            str(row["n"]),
-            row["scenario"],
-            row["program"],
-            row["guidance"] or "",
-            f"{row['steps_per_second']:,.0f}",
-            "" if row["target"] is None else f"{row['target']:,.0f}",
-        )
-        for row in figures["rows"]
-    ]
-    header = ("environment", "N", "scene", "program", "guidance", "steps/s", "asked")
-    return {"all": Table("Environment steps per second of one core", header, cells)}
+    """Return steps per second of each combination, beside the requirement."""
+    columns = {
+        "environment": "{environment}", "N": "{n}", "scene": "{scenario}", "program": "{program}",
+        "guidance": lambda row: row["guidance"] or "", "steps/s": "{steps_per_second:,.0f}",
+        "asked": lambda row: "" if row["target"] is None else f"{row['target']:,.0f}",
+    }  # fmt: skip
+    return {"all": table("Environment steps per second of one core", figures["rows"], columns)}

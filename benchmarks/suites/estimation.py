@@ -4,72 +4,54 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import gymnasium as gym
-import joblib
 import numpy as np
 from scipy.stats import chi2
 
+from benchmarks.common import parallel, table
 from hcbf_gym.arrays import Array
 from hcbf_gym.estimation import PRESETS
 from hcbf_gym.evaluation.tables import Table
 
-SENSORS: dict[str, Any] = {
+SENSORS: dict[str, Any] = {  # What is compared: presets by their name, and fields of `Sensors`
     **dict.fromkeys(PRESETS),
     "fixes of 2 cm at 20 Hz, 40 ms late": {},
     "the same, drift 5 cm in 2 s": {"drift": 0.05, "drift_time": 2.0},
 }
-"""What is compared: presets by their name, and fields of `Sensors`."""
 
-SPEED = 1.0
-"""Each component of the velocities that the robot is driven to, at most [m/s]."""
+SPEED = 1.0  # Each component of the velocities that the robot is driven to, at most [m/s]
 
 
 class Walk(NamedTuple):
-    """One episode at the control times.
+    """One episode at the control times."""
 
-    Attributes:
-        position: (k,) squared error of the position along both axes, summed [m²].
-        velocity: (k,) of the velocity [m²/s²].
-        nees: (k,) eᵀ P⁻¹ e, of position and velocity together.
-        fell: whether the robot fell.
-    """
-
-    position: Array
-    velocity: Array
-    nees: Array
-    fell: bool
+    position: Array  # (k,) squared error of the position along both axes, summed [m²]
+    velocity: Array  # (k,) of the velocity [m²/s²]
+    nees: Array  # (k,) eᵀ P⁻¹ e, of position and velocity together
+    fell: bool  # whether the robot fell
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Drive the A1 to random velocities on what it knows; return errors and consistency.
-
-    Args:
-        quick: fewer and shorter episodes.
-    """
+    """Drive the A1 to random velocities on what it knows; return errors and consistency."""
     episodes, steps = (4, 100) if quick else (50, 200)
-    jobs = (
-        joblib.delayed(walk)(name if fields is None else fields, range(episodes), steps)
+    jobs = [
+        (name if fields is None else fields, range(episodes), steps)
         for name, fields in SENSORS.items()
-    )
-    results: Any = joblib.Parallel(n_jobs=-1)(jobs)
+    ]
+    results = parallel(walk, jobs)
     return {"rows": [_row(name, walks) for name, walks in zip(SENSORS, results, strict=True)]}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of errors and consistency."""
-    rows = [
-        (
-            row["sensors"],
-            f"{100.0 * row['position_rms']:.2f} cm",
-            f"{100.0 * row['velocity_rms']:.2f} cm/s",
-            f"{row['nees']:.2f}",
-            f"{row['low']:.2f}–{row['high']:.2f}",
-            f"{100.0 * row['share_inside']:.0f} %",
-            f"{row['fell']} of {row['episodes']}",
-        )
-        for row in figures["rows"]
-    ]
-    header = ("sensors", "position", "velocity", "NEES", "95 % band", "instants inside", "falls")
-    return {"all": Table("what the A1 knows of itself", header, rows)}
+    columns = {
+        "sensors": "{sensors}",
+        "position": lambda row: f"{100.0 * row['position_rms']:.2f} cm",
+        "velocity": lambda row: f"{100.0 * row['velocity_rms']:.2f} cm/s",
+        "NEES": "{nees:.2f}", "95 % band": "{low:.2f}–{high:.2f}",
+        "instants inside": lambda row: f"{100.0 * row['share_inside']:.0f} %",
+        "falls": "{fell} of {episodes}",
+    }  # fmt: skip
+    return {"all": table("what the A1 knows of itself", figures["rows"], columns)}
 
 
 def walk(sensors: Any, seeds: Iterable[int], steps: int) -> list[Walk]:

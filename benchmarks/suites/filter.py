@@ -7,17 +7,14 @@ take turns, so that they see the same machine, in loops around the same environm
 the environment does to the caches is done to both.
 """
 
-import os
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks import peers
-from benchmarks.blocks import Timed, blocks_in_turn
+from benchmarks.common import Timed, in_turn, one_core, table
 from benchmarks.shares import shares
 from hcbf_gym.barriers import Disc, HalfPlane, to_dict
 from hcbf_gym.evaluation.tables import Table
@@ -28,9 +25,10 @@ ROW_COUNTS = (2, 5, 12)
 PLACES = {"idle": (-50.0, -50.0), "conflict": (0.0, 0.0)}
 SAME_ROWS: dict[str, Any] = {"alpha1": 1.0, "alpha2": 1.0, "rows": "usual", "margin": 0.0}
 REPETITIONS = 5
+BLOCK = 25, 5  # calls of a block, and those of them that warm caches and XLA's threads
 WANTED = np.array([0.5, 0.5])
 
-SHAPES = (
+SHAPES = (  # At the origin the first two require opposite inputs; far away nothing binds
     Disc("strict", 1, (-0.3, -0.2), 0.33),
     Disc("against it", 2, (0.3, 0.2), 0.8),
     HalfPlane("wall", 1, (-1.0, 0.0), -1.0),
@@ -41,22 +39,13 @@ SHAPES = (
         for k in range(7)
     ),
 )
-"""At the origin the first two ask for opposite inputs; far away nothing binds."""
 
 
 def run(quick: bool) -> dict[str, Any]:
     """Time every program idle and in conflict; return medians [µs] and their ratios to cbfpy's."""
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(allowed)})
-    try:
-        rows = [
-            row
-            for count in ROW_COUNTS
-            for place in PLACES
-            for row in _rows(count, place, 2 if quick else 40)
-        ]
-    finally:
-        os.sched_setaffinity(0, allowed)
+    blocks = 2 if quick else 40
+    with one_core():
+        rows = [row for n in ROW_COUNTS for place in PLACES for row in _rows(n, place, blocks)]
     return {"cbfpy": peers.settings(), "same_rows": SAME_ROWS, "filter": rows, "shares": shares()}
 
 
@@ -75,7 +64,7 @@ def _rows(count: int, place: str, blocks: int) -> list[dict[str, Any]]:
         *(_step(SafetyFilter(_environment(scene), name, **SAME_ROWS)) for name in PROGRAMS),
         *(_step(SafetyFilter(_environment(scene), name)) for name in PROGRAMS),
     ]
-    times = np.array([blocks_in_turn(calls, blocks) for _ in range(REPETITIONS)])
+    times = np.array([in_turn(calls, blocks, *BLOCK) for _ in range(REPETITIONS)])
     cbfpy, added = times[:, 1:2] - times[:, :1], times[:, 2:] - times[:, :1]
     medians, ratios = np.median(added, axis=0), np.median(added / cbfpy, axis=0)
     return [
@@ -110,53 +99,25 @@ def _peers_step(env: gym.Env[Any, Any], u: Callable[[], Any]) -> Timed:
     return lambda: env.reset(seed=0), lambda: env.step(u())
 
 
-def in_turn(calls: Sequence[Timed], rounds: int) -> NDArray[np.float64]:
-    """Return each call's median time [µs], without its preparation.
-
-    The calls take turns, so that all see the same machine.
-    """
-    times = np.empty((rounds, len(calls)))
-    for i in range(-1, rounds):  # the first round warms up
-        for k, (prepare, call) in enumerate(calls):
-            prepare()
-            start = time.perf_counter()
-            call()
-            times[i, k] = time.perf_counter() - start
-    return 1e6 * np.median(times, axis=0)
-
-
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the table of what each program adds."""
+    """Return the tables of what each program adds, and of where that time goes."""
     versions = figures["cbfpy"]["versions"]
-    header = (
-        "program",
-        "rows",
-        "where",
-        "cbfpy adds [µs]",
-        "SafetyFilter adds [µs]",
-        "share of that",
-        "as shipped [µs]",
-        "share of that",
-    )
-    rows = [
-        (
-            f"`{row['program']}`",
-            str(row["rows"]),
-            row["place"],
-            f"{row['cbfpy']:.1f}",
-            f"{row['added']:.1f}",
-            f"{row['ratio']:.2f}",
-            f"{row['shipped']:.1f}",
-            f"{row['shipped_ratio']:.2f}",
-        )
-        for row in figures["filter"]
-    ]
+    columns = {
+        "program": "`{program}`", "rows": "{rows}", "where": "{place}",
+        "cbfpy adds [µs]": "{cbfpy:.1f}", "SafetyFilter adds [µs]": "{added:.1f}",
+        "share of that": "{ratio:.2f}", "as shipped [µs]": "{shipped:.1f}",
+        "share of that ": "{shipped_ratio:.2f}",
+    }  # fmt: skip
     title = (
         f"what SafetyFilter and cbfpy add to a step, in turn: cbfpy {versions['cbfpy']} "
         f"with ElastiQP {versions['elastiqp']}"
     )
-    parts = [(row["part"], f"{row['time']:.1f}") for row in figures["shares"]]
+    added = table(title, figures["filter"], columns)
     return {
-        "added": Table(title, header, rows),
-        "shares": Table("where that time goes, five rows, idle", ("part", "µs"), parts),
+        "added": added._replace(header=[name.rstrip() for name in added.header]),
+        "shares": table(
+            "where that time goes, five rows, idle",
+            figures["shares"],
+            {"part": "{part}", "µs": "{time:.1f}"},
+        ),
     }

@@ -6,7 +6,6 @@ Batches: N double integrators with a scene each, by `BatchFilter` on one core an
 they answer is compared.
 """
 
-import os
 import time
 import warnings
 from collections.abc import Callable
@@ -18,7 +17,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import hcbf_gym
-from benchmarks.blocks import blocks_in_turn
+from benchmarks.common import in_turn, one_core, table
+from benchmarks.suites.filter import BLOCK
 from hcbf_gym import models
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Disc, HalfPlane, Shapes, SpeedLimit
@@ -91,14 +91,10 @@ class Many(VectorEnv):
 
 def run(quick: bool) -> dict[str, Any]:
     """Measure single plants and batches."""
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(allowed)})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        try:
+        with one_core():
             added = [row for name in PLANTS for row in _single(name, 2 if quick else 40)]
-        finally:
-            os.sched_setaffinity(0, allowed)
         steps = 25 if quick else 200
         batches = [*_integrators(512 if quick else 4096, steps), *_unicycles(256, steps)]
     return {"added": added, "batches": batches}
@@ -116,7 +112,7 @@ def _single(name: str, blocks: int) -> list[dict[str, Any]]:
             for solver in (None, "daqp")
         ]
         calls = [(env.reset, lambda env=env: env.step(WANTED)) for env in envs]
-        times = np.array([blocks_in_turn(calls, blocks) for _ in range(REPETITIONS)])
+        times = np.array([in_turn(calls, blocks, *BLOCK) for _ in range(REPETITIONS)])
         compiled, daqp = np.median(times[:, 1:] - times[:, :1], axis=0).tolist()
         rows.append({"model": name, "place": place, "added": compiled, "daqp": daqp})
     return rows
@@ -178,7 +174,7 @@ def _rates(
     shape: tuple[int, int],
     steps: int,
 ) -> list[dict[str, Any]]:
-    """Return 10⁶ states/s of each way, whose calls take turns, and how far answers are apart."""
+    """Return 10⁶ states/s of each call; they take turns, and how far answers are apart."""
     rng, u = np.random.default_rng(1), np.zeros(shape)
     times, apart = np.zeros((2 * steps, len(calls))), 0.0
     for k in range(2 * steps):  # the first half warms up
@@ -200,23 +196,12 @@ def _rates(
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables of single plants and of batches."""
-    added = [
-        (row["model"], row["place"], f"{row['added']:.1f}", f"{row['daqp']:.1f}")
-        for row in figures["added"]
-    ]
-    batches = [
-        (row["plants"], row["way"], *(f"{row[key]:.3g}" for key in ("rate", "ratio", "apart")))
-        for row in figures["batches"]
-    ]
+    added = {"model": "{model}", "where": "{place}", "adds [µs]": "{added:.1f}",
+             "with DAQP [µs]": "{daqp:.1f}"}  # fmt: skip
+    batches = {"plants": "{plants}", "way": "{way}", "10⁶ states/s": "{rate:.3g}",
+               "of the first way": "{ratio:.3g}", "answers apart": "{apart:.3g}"}  # fmt: skip
+    title = "what SafetyFilter adds to a step of other models, and with a solver by name"
     return {
-        "added": Table(
-            "what SafetyFilter adds to a step of other models, and with a solver by name",
-            ("model", "where", "adds [µs]", "with DAQP [µs]"),
-            added,
-        ),
-        "batches": Table(
-            "how fast batches are filtered, in turn",
-            ("plants", "way", "10⁶ states/s", "of the first way", "answers apart"),
-            batches,
-        ),
+        "added": table(title, figures["added"], added),
+        "batches": table("how fast batches are filtered, in turn", figures["batches"], batches),
     }

@@ -3,19 +3,18 @@
 Times are processor time of one thread: medians of whole steps; of the arm less its own step.
 """
 
-import importlib.util
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 
+from benchmarks.common import parallel, table
+from hcbf_gym import loading
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import CbfRows, GeneralRows, LinearClassK, LogClassK
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
@@ -23,28 +22,14 @@ from hcbf_gym.programs import FilterStatus
 MAZES = ("UMaze", "Medium", "Large")
 MAZE_STEPS = {"random": 800, "goal": 6000, "ppo": 800}
 """How long an episode may last; one step is 0.01 s."""
-HELD_STEPS = 20
-"""For so many steps the policy "random" pushes the same way."""
+HELD_STEPS = 20  # For so many steps the policy "random" pushes in one direction
 TRAINING_STEPS = 20_000
-ARM_STEPS = 1000
-"""Ten seconds for each target, in which the spheres come by."""
+ARM_STEPS = 1000  # Ten seconds for each target, in which the spheres come by
 
 
 def example(name: str) -> Any:
-    """Return the module ``examples/NAME.py`` of the checkout.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
-    path = Path(__file__).parents[2] / "examples" / f"{name}.py"
-    if not path.is_file():
-        raise InvalidInputError(f"examples: got no {path.name}, expected a checkout of hcbf-gym")
-    spec = importlib.util.spec_from_file_location(f"hcbf_example_{name}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """Return the module ``examples/NAME.py`` of the checkout."""
+    return loading.module("example", str(Path(__file__).parents[2] / "examples" / f"{name}.py"))
 
 
 def run(quick: bool) -> dict[str, Any]:
@@ -60,16 +45,15 @@ def run(quick: bool) -> dict[str, Any]:
 def maze(episodes: int, training: int) -> list[dict[str, Any]]:
     """Drive the ball of PointMaze by each policy, with the filter and without it."""
     cells = [(maze, policy) for maze in MAZES for policy in ("random", "goal")]
-    cells.append(("UMaze", "ppo"))
     with tempfile.TemporaryDirectory() as folder:
         trained = Path(folder) / "ppo"
         _train("PointMaze_UMazeDense-v3", training, trained)
-        roll = joblib.delayed(_cell)
         jobs = (
-            roll(*cell, with_it, episodes, trained) for cell in cells for with_it in (True, False)
+            (*cell, filtered, episodes, trained)
+            for cell in (*cells, ("UMaze", "ppo"))
+            for filtered in (True, False)
         )
-        results: Any = joblib.Parallel(n_jobs=-1)(jobs)
-    return list(results)
+        return parallel(_cell, jobs)
 
 
 def _train(name: str, steps: int, path: Path) -> None:
@@ -108,7 +92,7 @@ def _random_push(env: Any, observation: Any, k: int) -> Array:
 
 
 def _to_goal(env: Any, observation: Any, k: int) -> Array:
-    """Return a push straight at the goal, through whatever stands in between."""
+    """Return a push straight at the goal, through all that is in between."""
     position, velocity = np.split(observation["observation"], 2)
     push = 4.0 * (observation["desired_goal"] - position) - velocity
     return np.clip(push, -1.0, 1.0).astype(np.float32)
@@ -175,13 +159,13 @@ def pendulum(episodes: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _kernel_share(module: Any, cells: int = 301) -> float:
+def _kernel_share(module: Any) -> float:
     """Return how much of the gridded viability kernel the safe set {h ≥ 0} covers.
 
     The kernel is what is left of the grid when states are taken away, again and again, from which
     no torque leads to a cell that is still there.
     """
-    limit, top = module.LIMIT, 3.2
+    limit, top, cells = module.LIMIT, 3.2, 301
     angle, speed = np.meshgrid(
         np.linspace(-limit, limit, cells), np.linspace(-top, top, cells), indexing="ij"
     )
@@ -214,14 +198,14 @@ def unicycle(episodes: int) -> dict[str, Any]:
             x = np.append(random.uniform(-2.0, 2.0, 2), random.uniform(-np.pi, np.pi))
             ahead = x[:2] + module.AHEAD * np.array([np.cos(x[2]), np.sin(x[2])])
         env.reset(options={"start": x})
-        aim, way = centers[episode % 2], episode % 3
+        aim, style = centers[episode % 2], episode % 3
         gap = np.inf
         for _ in range(150):
             dx, dy = aim - x[:2]
-            turn = np.sin(np.arctan2(dy, dx) - x[2]) * (-1.0 if way == 1 else 1.0)
-            rate = 2.0 * np.sign(turn) if way < 2 else 2.0 * random.choice((-1.0, 1.0))
+            turn = np.sin(np.arctan2(dy, dx) - x[2]) * (-1.0 if style == 1 else 1.0)
+            rate = 2.0 * np.sign(turn) if style < 2 else 2.0 * random.choice((-1.0, 1.0))
             began = time.thread_time()
-            x = env.step(np.array([-1.0 if way == 1 else 1.0, rate]))[0]
+            x = env.step(np.array([-1.0 if style == 1 else 1.0, rate]))[0]
             spent.append(time.thread_time() - began)
             gap = min(gap, float((np.linalg.norm(x[:2] - centers, axis=1) - radii).min()))
         least, entered = min(least, gap), entered + (gap < 0.0)
@@ -247,7 +231,7 @@ def arm(targets: int) -> dict[str, Any]:
         while min(barrier.h(q, 0.0) for barrier in barriers) < 0.02:
             q = env.reset(seed=int(random.integers(2**31)))[0]
         target = np.array([0.9, 0.0, 0.8]) + random.uniform(-0.4, 0.4, 3)
-        way, nearest, conflicts = [q], np.inf, []
+        path, nearest, conflicts = [q], np.inf, []
         for k in range(ARM_STEPS):
             wanted, distance = reach(module, q, target)
             nearest = min(nearest, distance)
@@ -256,16 +240,16 @@ def arm(targets: int) -> dict[str, Any]:
             report = info["safety_filter"]
             conflict = bool(report["status"] >= FilterStatus.RELAXED)
             spent[conflict].append(time.thread_time() - began)
-            way.append(q)
+            path.append(q)
             if conflict:
                 conflicts.append((k, report["u_safe"]))
         began = time.thread_time()
         env.unwrapped.step(np.zeros(6))
         bare.append(time.thread_time() - began)
         for k, u in conflicts:
-            rows = rows_of(barriers, way[k], k * module.T, 0.005)
+            rows = rows_of(barriers, path[k], k * module.T, 0.005)
             needless += improves(rows, u, module.SPEED, random)
-        h = np.min([[b.h(q, k * module.T) for b in barriers] for k, q in enumerate(way)], axis=0)
+        h = np.min([[b.h(q, k * module.T) for b in barriers] for k, q in enumerate(path)], axis=0)
         least, reached = np.minimum(least, h), reached + (nearest < 0.05)
         forced += len(conflicts)
         entered += [(h[priority == rank] < 0.0).any() for rank in (1, 2, 3)]
@@ -291,16 +275,10 @@ def reach(module: Any, q: Array, target: Array) -> tuple[Array, float]:
 
 
 def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator) -> bool:
-    """Tell whether a small change of u violates some rank less and none above it more.
+    """Return whether a small change of u violates some rank less and none above it more.
 
     Changes are random ones, and the steepest descent of each rank's violation, both along what
     the binding rows of higher ranks leave free.
-
-    Args:
-        rows: of one state.
-        u: (n_u,) the input that a lexicographic program chose.
-        limit: of every entry of u.
-        random: draws the changes.
     """
 
     def violation(v: Array, rank: int) -> float:
@@ -321,50 +299,33 @@ def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator)
     return False
 
 
-def _of(entered: int, episodes: int) -> str:
-    return f"{entered} of {episodes} ({at_most(entered, episodes)})"
-
-
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables of the maze and of the models."""
-    mazes = [
-        (
-            r["maze"], r["policy"], "yes" if r["filtered"] else "no",
-            _of(r["touched"], r["episodes"]), str(r["contacts"]),
-            f"{r['arrived'] / r['episodes']:.0%}", f"{r['us']:.0f}",
-        )
-        for r in figures["maze"]
-    ]  # fmt: skip
+
+    def of(entered: int, episodes: int) -> str:
+        return f"{entered} of {episodes} ({at_most(entered, episodes)})"
+
+    mazes = {
+        "maze": "{maze}", "policy": "{policy}",
+        "filter": lambda r: "yes" if r["filtered"] else "no",
+        f"episodes with contact ({BOUNDED})": lambda r: of(r["touched"], r["episodes"]),
+        "contacts": "{contacts}", "arrived": lambda r: f"{r['arrived'] / r['episodes']:.0%}",
+        "µs": "{us:.0f}",
+    }  # fmt: skip
     p, c, a = figures["pendulum"], figures["unicycle"], figures["arm"]
     angle = f"angle {p['farthest']:.6f} of {p['limit']} rad; {p['kernel']:.1%} of the kernel"
     lower = f"{a['entered'][1]} and {a['entered'][2]} entered ranks 2 and 3; {a['reached']} reached"
     conflicts = f"{a['conflicts']} conflicts, {a['needless']} of them needless"
     slower = "–" if a["us_conflict"] is None else f"{a['us_conflict']:.0f}"
+    gap, us = f"least gap {1e3 * c['least']:.1f} mm", f"{a['us']:.0f}, in conflict {slower}"
     models = [
-        ("pendulum", _of(p["left"], p["episodes"]), angle, f"{p['us']:.0f}"),
-        (
-            "unicycle", _of(c["entered"], c["episodes"]),
-            f"least gap {1e3 * c['least']:.1f} mm", f"{c['us']:.0f}",
-        ),
-        (
-            "arm", _of(a["entered"][0], a["targets"]), f"{lower}; {conflicts}",
-            f"{a['us']:.0f}, in conflict {slower}",
-        ),
-    ]  # fmt: skip
-    header = (
-        "maze",
-        "policy",
-        "filter",
-        f"episodes with contact ({BOUNDED})",
-        "contacts",
-        "arrived",
-        "µs",
-    )
+        ("pendulum", of(p["left"], p["episodes"]), angle, f"{p['us']:.0f}"),
+        ("unicycle", of(c["entered"], c["episodes"]), gap, f"{c['us']:.0f}"),
+        ("arm", of(a["entered"][0], a["targets"]), f"{lower}; {conflicts}", us),
+    ]
+    header = ("model", f"strict violations ({BOUNDED})", "beside", "µs a step")
+    title = "Models behind the filter, hostile policies"
     return {
-        "foreign-maze": Table("PointMaze: the ball and the walls", header, mazes),
-        "foreign-models": Table(
-            "Models behind the filter, hostile policies",
-            ("model", f"strict violations ({BOUNDED})", "beside", "µs a step"),
-            models,
-        ),
+        "foreign-maze": table("PointMaze: the ball and the walls", figures["maze"], mazes),
+        "foreign-models": Table(title, header, models),
     }

@@ -4,15 +4,17 @@ Scenes have the seeds 10000, 10001, … On the reduced-order model those of a ce
 A1 walks them one by one. Both go through the wrappers, as a user's loop does.
 """
 
+import functools
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import gymnasium as gym
-import joblib
 import numpy as np
 from rich.progress import track
 
+from benchmarks.common import median, parallel, table
 from hcbf_gym import _core, guidance, policies, scenarios
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
@@ -28,24 +30,17 @@ from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 FIRST_SEED = 10_000
 THROUGH = {"kind": "geodesic", "through": 2}
-"""Guidance to which the ranks from 2 on give way where there is no other way."""
+"""Guidance through the ranks from 2 on where there is no other path."""
 
 
 class Cell(NamedTuple):
-    """Scenes of a family, and who walks them under which filter.
+    """Scenes of a family, and who walks them under which filter."""
 
-    Attributes:
-        scene: a family's or a course's name.
-        policy: as `policies.make` takes it.
-        guidance: as the filter takes it.
-        program: of the filter.
-        options: of the program.
-    """
-
-    scene: str
-    policy: str
-    guidance: Any = None
-    program: str = "lex-cbf-qp"
+    scene: str  # a family's or a course's name
+    policy: str  # as `policies.make` takes it
+    guidance: Any = None  # as the filter takes it
+    program: str = "lex-cbf-qp"  # of the filter
+    # of the program
     options: dict[str, Any] = {}  # noqa: RUF012 - never changed
 
     def settings(self) -> FilterSettings:
@@ -77,27 +72,16 @@ COURSES = ("paper-experiment-straight", "paper-simulation")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What N episodes amount to.
+    """What N episodes amount to."""
 
-    Attributes:
-        reached: (N,) whether the goal was reached within 20 s.
-        seconds: (N,) when, infinity if it was not.
-        least: (N, m) least h of the true body [m] before that.
-        priority: (N, m) of the barriers.
-        deadlock: (N,) share of the time that the robot stood though u* wanted to move.
-        change: (N,) mean ‖u − u without guidance‖ at the same states [m/s²].
-        final: (N,) distance from the goal at the end [m].
-        fell: (N,) whether the robot fell.
-    """
-
-    reached: Mask
-    seconds: Array
-    least: Array
-    priority: Integers
-    deadlock: Array
-    change: Array
-    final: Array
-    fell: Mask
+    reached: Mask  # (N,) whether the goal was reached within 20 s
+    seconds: Array  # (N,) when, infinity if it was not
+    least: Array  # (N, m) least h of the true body [m] before that
+    priority: Integers  # (N, m) of the barriers
+    deadlock: Array  # (N,) share of the time that the robot stood though u* wanted to move
+    change: Array  # (N,) mean ‖u − u without guidance‖ at the same states [m/s²]
+    final: Array  # (N,) distance from the goal at the end [m]
+    fell: Mask  # (N,) whether the robot fell
 
     def entered(self, rank: int) -> float:
         """Return the share of the episodes that entered, or woke in, a region of that rank."""
@@ -106,13 +90,7 @@ class Outcome:
 
 
 class Unguided:
-    """The same filter without guidance, asked at the states of a guided walk.
-
-    Args:
-        env: filtered, single or native.
-        cell: whose program it is.
-        count: N.
-    """
+    """The same filter without guidance, asked at the states of a guided walk."""
 
     def __init__(self, env: Any, cell: Cell, count: int):
         self._env, self._plant = env.unwrapped, env.plant
@@ -168,8 +146,7 @@ def on_model(cell: Cell, count: int) -> Outcome:
 
 def on_a1(cell: Cell, count: int) -> Outcome:
     """Walk `count` scenes on the A1, one after the other on each core."""
-    walk = joblib.delayed(a1_episode)
-    walks: Any = joblib.Parallel(n_jobs=-1)(walk(cell, FIRST_SEED + n) for n in range(count))
+    walks = parallel(a1_episode, ((cell, FIRST_SEED + n) for n in range(count)))
     fields = zip(*(vars(one).values() for one in walks), strict=True)
     return Outcome(*(np.concatenate(field) for field in fields))
 
@@ -182,38 +159,26 @@ def a1_episode(cell: Cell, seed: int) -> Outcome:
     observation, info = env.reset(seed=seed)
     unguided, scene = Unguided(env, cell, 1), inner.scenario
     least, deadlock, change, reached, over = info["min_h"].copy(), [], [], False, False
-    distance = np.inf
+    distance = np.array(np.inf)
     while not (over or reached):
         u_nominal = np.asarray(act(observation, info), dtype=np.float64)
         without = unguided.u(u_nominal, unguided.sense(observation, info))
         observation, _, terminated, truncated, info = env.step(u_nominal)
         least = np.minimum(least, info["min_h"])
         x = inner.rom_state
-        distance = float(np.linalg.norm(x[:2] - scene.goal))
-        away = np.array(distance)
-        deadlock.append(float(deadlocked(x[2:], u_nominal, away, scene.goal_radius)))
-        change.append(float(np.linalg.norm(info["safety_filter"]["u_safe"] - without)))
-        reached, over = distance <= scene.goal_radius, terminated or truncated
+        distance = np.array(np.linalg.norm(x[:2] - scene.goal), dtype=np.float64)
+        deadlock.append(deadlocked(x[2:], u_nominal, distance, scene.goal_radius))
+        change.append(np.linalg.norm(info["safety_filter"]["u_safe"] - without))
+        reached, over = bool(distance <= scene.goal_radius), terminated or truncated
     env.close()
-    fell = bool(info["fallen"])
-    return Outcome(
-        np.array([reached and not fell]),
-        np.array([CONTROL_DT * len(change) if reached else np.inf]),
-        least[None],
-        np.array([[barrier.priority for barrier in inner.barriers]]),
-        np.array([float(np.mean(deadlock))]),
-        np.array([float(np.mean(change))]),
-        np.array([0.0 if reached else distance]),
-        np.array([fell]),
-    )
+    fell, priority = bool(info["fallen"]), [barrier.priority for barrier in inner.barriers]
+    seconds, final = (CONTROL_DT * len(change), 0.0) if reached else (np.inf, distance)
+    one = (reached and not fell, seconds, least, priority, np.mean(deadlock, dtype=float))
+    return Outcome(*(np.array([value]) for value in (*one, np.mean(change), final, fell)))
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the share of goals and what it cost, of every cell, program and course.
-
-    Args:
-        quick: few scenes.
-    """
+    """Return the share of goals and what it cost, of every cell, program and course."""
     count, on_robot = (20, 1) if quick else (1000, 100)
     arrival = []
     for scene, policy in track(ARRIVAL, "reduced order"):
@@ -275,37 +240,27 @@ def _figures(cell: Cell, without: Outcome | None, with_it: Outcome) -> dict[str,
 
 def cost(quick: bool) -> list[dict[str, Any]]:
     """Return the processor time of a scene's field [ms] and of a row [µs], medians over scenes."""
-    figures = []
+    figures, many, guide = [], 1000, guidance.Geodesic()
     for scene in scenarios.families():
         if scene.startswith("map-"):
             continue
-        scenes = [
-            scenarios.make(scene, np.random.default_rng(n)) for n in range(5 if quick else 50)
-        ]
-        way = guidance.Geodesic()
         times = []
-        for one in scenes:
+        for n in range(5 if quick else 50):
+            one = scenarios.make(scene, np.random.default_rng(n))
             barriers = BarrierSet([one.barriers])
             begun = time.thread_time()
-            way.reset(barriers, one.goal, start=one.start)
+            guide.reset(barriers, one.goal, start=one.start)
             times.append(time.thread_time() - begun)
-        many = 1000
-        field, geometry = np.repeat(way.field, many, axis=0), np.repeat(way.geometry, many, axis=0)
-        goal = np.repeat(way.goal, many, axis=0)
+        of_field = (np.repeat(a, many, axis=0) for a in (guide.field, guide.geometry, guide.goal))
         low, high = [0.0, -1.5, -1.0, -1.0], [6.0, 1.5, 1.0, 1.0]
         x = np.random.default_rng(0).uniform(low, high, (many, 4))
-        out = np.zeros((many, 3))
-        rows = []
-        for _ in range(5 if quick else 30):
-            begun = time.thread_time()
-            _core.guidance_rows(field, geometry, goal, x, way.pull, out)
-            rows.append((time.thread_time() - begun) / many)
+        row = functools.partial(_core.guidance_rows, *of_field, x, guide.pull, np.zeros((many, 3)))
         figures.append(
             {
                 "scene": scene,
-                "cells": int(way.geometry[0, 3] * way.geometry[0, 4]),
+                "cells": int(guide.geometry[0, 3] * guide.geometry[0, 4]),
                 "field_ms": 1e3 * float(np.median(times)),
-                "row_us": 1e6 * float(np.median(rows)),
+                "row_us": median(row, 5 if quick else 30, time.thread_time) / many,
             }
         )
     return figures
@@ -314,65 +269,41 @@ def cost(quick: bool) -> list[dict[str, Any]]:
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables of docs/guidance.md."""
 
-    def percent(share: float) -> str:
-        return f"{100.0 * share:.1f} %"
+    def percent(key: str) -> Callable[[Any], str]:
+        return lambda row: "" if row[key] is None else f"{100.0 * row[key]:.1f} %"
 
     def ranks(row: dict[str, Any]) -> str:
         shares, n = row["entered"], row["episodes"]
         shown = " / ".join(f"{100.0 * share:.1f}" for share in shares) + " %"
         return f"{shown} ({at_most(round(shares[0] * n), n)})"
 
-    def name(kind: Any) -> str:
-        return "geodesic, through=2" if kind == THROUGH else kind or "none"
+    def kind(row: dict[str, Any]) -> str:
+        through = row["guidance"] == THROUGH
+        return "geodesic, through=2" if through else row["guidance"] or "none"
 
     enters = f"enters 1 / 2 / 3 (1 {BOUNDED})"
-    arriving = f"arrives [%, {INTERVAL:.0%} interval]"
-    header = ("scenes", "policy", "guidance", "episodes", arriving, enters, "falls",
-              "deadlock", "later", "Δu [m/s²]")  # fmt: skip
-
-    def arrives(title: str, rows: list[dict[str, Any]]) -> Table:
-        cells = [
-            (
-                row["scene"], row["policy"], name(row["guidance"]), str(row["episodes"]),
-                shown_share(row["reached"], row["episodes"]), ranks(row), percent(row["fell"]),
-                percent(row["deadlock"]),
-                "" if row["later"] is None else percent(row["later"]),
-                "" if row["change"] is None else f"{row['change']:.3f}",
-            )
-            for row in rows
-        ]  # fmt: skip
-        return Table(title, header, cells)
-
-    weighted = Table(
-        "programs with weights, PD on random",
-        ("program", "guidance", "arrives", enters, "deadlock"),
-        [
-            (row["program"], name(row["guidance"]), percent(row["reached"]),
-             ranks(row), percent(row["deadlock"]))
-            for row in figures["weighted"]
-        ],
-    )  # fmt: skip
-    courses = Table(
-        "the paper's courses, PD under lex-cbf-qp",
-        ("course", "model", "guidance", "arrives", "ends short by [m]"),
-        [
-            (row["scene"], row["model"], name(row["guidance"]),
-             "yes" if row["reached"] else "no", f"{row['final_m']:.2f}")
-            for row in figures["courses"]
-        ],
-    )  # fmt: skip
-    times = Table(
-        "what guidance costs",
-        ("scenes", "cells", "field [ms]", "row [µs]"),
-        [
-            (row["scene"], str(row["cells"]), f"{row['field_ms']:.2f}", f"{row['row_us']:.2f}")
-            for row in figures["cost"]
-        ],
-    )
+    arrival = {
+        "scenes": "{scene}", "policy": "{policy}", "guidance": kind, "episodes": "{episodes}",
+        f"arrives [%, {INTERVAL:.0%} interval]": lambda row: shown_share(
+            row["reached"], row["episodes"]
+        ),
+        enters: ranks, "falls": percent("fell"), "deadlock": percent("deadlock"),
+        "later": percent("later"),
+        "Δu [m/s²]": lambda row: "" if row["change"] is None else f"{row['change']:.3f}",
+    }  # fmt: skip
+    weighted = {"program": "{program}", "guidance": kind, "arrives": percent("reached"),
+                enters: ranks, "deadlock": percent("deadlock")}  # fmt: skip
+    courses = {
+        "course": "{scene}", "model": "{model}", "guidance": kind,
+        "arrives": lambda row: "yes" if row["reached"] else "no",
+        "ends short by [m]": "{final_m:.2f}",
+    }  # fmt: skip
+    costs = {"scenes": "{scene}", "cells": "{cells}", "field [ms]": "{field_ms:.2f}",
+             "row [µs]": "{row_us:.2f}"}  # fmt: skip
     return {
-        "arrival": arrives("lex-cbf-qp on the reduced-order model", figures["arrival"]),
-        "arrival-a1": arrives("lex-cbf-qp on the A1", figures["A1"]),
-        "weighted": weighted,
-        "courses": courses,
-        "cost": times,
+        "arrival": table("lex-cbf-qp on the reduced-order model", figures["arrival"], arrival),
+        "arrival-a1": table("lex-cbf-qp on the A1", figures["A1"], arrival),
+        "weighted": table("programs with weights, PD on random", figures["weighted"], weighted),
+        "courses": table("the paper's courses, PD under lex-cbf-qp", figures["courses"], courses),
+        "cost": table("what guidance costs", figures["cost"], costs),
     }

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
-import joblib
 import numpy as np
-from rich.console import Console
 
+from benchmarks.common import parallel, table
 from benchmarks.random_conflicts import advance
 from hcbf_gym import wrappers
 from hcbf_gym.arrays import Array, Mask
@@ -21,33 +20,19 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.programs import FilterStatus
 
-LOOKS = 20
-"""Looks in a control step."""
+LOOKS = 20  # Looks in a control step
 FIRST_SEED = 50_000
-NOISE = 3.0
-"""Standard deviation of what is added to PD in the policy "noise" [m/s²]."""
+NOISE = 3.0  # Standard deviation of what is added to PD in the policy "noise" [m/s²]
 
-SETTINGS: dict[str, dict[str, Any]] = {
+SETTINGS: dict[str, dict[str, Any]] = {  # What the filter is given, by name
     "held": {"rows": "held", "margin": 0.0},
     "usual": {"rows": "usual", "margin": 0.0},
     "usual + 1 cm": {"rows": "usual", "margin": 0.01},
 }
-"""What the filter is given, by name."""
 
 
 class Situation:
-    """What a policy sees of N scenes.
-
-    Args:
-        env: the filtered vector environment.
-        rng: for policies that draw.
-
-    Attributes:
-        x: (N, 4) [m] and [m/s].
-        t: (N,) [s].
-        reach: the largest norm of an input [m/s²].
-        wanted: (N, 2) what PD asks for [m/s²].
-    """
+    """What a policy sees of N scenes."""
 
     def __init__(self, env: wrappers.VectorSafetyFilter, rng: np.random.Generator):
         self._inner: Any = env.unwrapped
@@ -59,7 +44,7 @@ class Situation:
         self.sign, self.corner = np.ones(count), np.zeros((count, 2))
 
     def look(self, observation: Array, info: dict[str, Any]) -> None:
-        """Take in what the environment said last."""
+        """Take in what the environment returned last."""
         self.x, self.t = self._inner.rom_state, self._inner.time
         self.wanted = np.asarray(self._pd(observation, info), dtype=np.float64)
 
@@ -75,28 +60,16 @@ class Situation:
         return self.rng.random(len(self.sign)) < CONTROL_DT / mean
 
 
-def _pd(now: Situation) -> Array:
-    return now.wanted
-
-
-def _noise(now: Situation) -> Array:
-    return now.wanted + now.rng.normal(0.0, NOISE, now.wanted.shape)
-
-
-def _at_the_nearest(now: Situation) -> Array:
-    return -now.reach * now.nearest_normals()[0]
-
-
-def _into_the_corner(now: Situation) -> Array:
-    first, second = now.nearest_normals()
-    return -now.reach * (first + 0.9 * second)
-
-
 def _along_the_edge(now: Situation) -> Array:
     normal = now.nearest_normals()[0]
     now.sign[now.turn(0.8)] *= -1.0
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     return now.reach * (now.sign[:, None] * tangent - normal)
+
+
+def _into_the_corner(now: Situation) -> Array:
+    first, second = now.nearest_normals()
+    return -now.reach * (first + 0.9 * second)
 
 
 def _away_and_back(now: Situation) -> Array:
@@ -111,9 +84,9 @@ def _bang_bang(now: Situation) -> Array:
 
 
 POLICIES: dict[str, Callable[[Situation], Array]] = {
-    "pd": _pd,
-    "noise": _noise,
-    "at the nearest region": _at_the_nearest,
+    "pd": lambda now: now.wanted,
+    "noise": lambda now: now.wanted + now.rng.normal(0.0, NOISE, now.wanted.shape),
+    "at the nearest region": lambda now: -now.reach * now.nearest_normals()[0],
     "into the corner": _into_the_corner,
     "along the edge, reversing": _along_the_edge,
     "away and back": _away_and_back,
@@ -123,50 +96,32 @@ POLICIES: dict[str, Callable[[Situation], Array]] = {
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Run every policy under held rows, and PD under the usual ones; print and return figures."""
-    episodes = 50 if quick else 1000
+    """Run every policy under held rows, and PD under the usual ones; return figures."""
     cases = [
-        (family, policy, rows)
+        (family, policy, rows, 50 if quick else 1000)
         for family in ("random", "random-moving")
         for policy in POLICIES
         for rows in (SETTINGS if policy == "pd" else ("held",))
     ]
-    walk = joblib.delayed(walk_all)
-    results: Any = joblib.Parallel(n_jobs=-1)(walk(*case, episodes) for case in cases)
-    figures = {"held_rows": list(results)}
-    Console(width=160).print(tables(figures)["held-rows"].rich())
-    return figures
+    return {"held_rows": parallel(walk_all, cases)}
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the one table: a line for each family of scenes, policy and kind of rows."""
     results = figures["held_rows"]
     title = f"lex-cbf-qp, {results[0]['episodes']} scenes a row, 20 s each, looked at at 1 kHz"
-    header = (
-        "scenes", "policy", "rows", f"strict barrier below 0 ({BOUNDED})", "least strict h [mm]",
-        "least h of speed [mm/s]", "VIOLATED", "BACKUP", "goals",
-    )  # fmt: skip
-    lines = [
-        (
-            r["scenes"], r["policy"], r["rows"], counted(r["entered"], r["episodes"]),
-            f"{1e3 * r['least_h']:+.3f}",
-            f"{1e3 * r['least_speed_h']:+.3f}", str(r["violated"]), str(r["backup"]),
-            f"{r['goals']:.1%}",
-        )
-        for r in results
-    ]  # fmt: skip
-    return {"held-rows": Table(title, header, lines)}
+    columns = {
+        "scenes": "{scenes}", "policy": "{policy}", "rows": "{rows}",
+        f"strict barrier below 0 ({BOUNDED})": lambda r: counted(r["entered"], r["episodes"]),
+        "least strict h [mm]": lambda r: f"{1e3 * r['least_h']:+.3f}",
+        "least h of speed [mm/s]": lambda r: f"{1e3 * r['least_speed_h']:+.3f}",
+        "VIOLATED": "{violated}", "BACKUP": "{backup}", "goals": "{goals:.1%}",
+    }  # fmt: skip
+    return {"held-rows": table(title, results, columns)}
 
 
 def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, Any]:
-    """Run one policy in many scenes at once, each for 20 s.
-
-    Args:
-        family: "random" or "random-moving".
-        policy: one of `POLICIES`.
-        rows: one of `SETTINGS`.
-        episodes: how many scenes.
-    """
+    """Run one policy in many scenes at once, each for 20 s."""
     bare = gym.make_vec(
         "HCBF-Regions-v0", num_envs=episodes, scenario=family, autoreset_mode="Disabled"
     )
@@ -181,11 +136,11 @@ def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, An
     for _ in range(MAX_EPISODE_STEPS):
         now.look(observation, info)
         observation, _, _, _, info = env.step(POLICIES[policy](now))
-        said, x = info["safety_filter"], now.x
-        violated |= said["status"] == FilterStatus.VIOLATED
-        backup += int((said["status"] == FilterStatus.BACKUP).sum())
+        report, x = info["safety_filter"], now.x
+        violated |= report["status"] == FilterStatus.VIOLATED
+        backup += int((report["status"] == FilterStatus.BACKUP).sum())
         advance(
-            barriers.kind, barriers.parameters, x, now.t, said["u_safe"], CONTROL_DT, LOOKS,
+            barriers.kind, barriers.parameters, x, now.t, report["u_safe"], CONTROL_DT, LOOKS,
             least, inside,
         )  # fmt: skip
         gap = max(gap, float(np.abs(x - inner.rom_state).max()))

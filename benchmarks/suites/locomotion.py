@@ -1,14 +1,14 @@
-"""Quality, robustness and speed of the walk, each figure beside what is asked of it."""
+"""Quality, robustness and speed of the walk, each figure beside its requirement."""
 
 from typing import Any
 
-import joblib
 import numpy as np
 
+from benchmarks.common import parallel, table
 from benchmarks.suites.locomotion_speed import speed_figures
-from benchmarks.suites.measure import Measure
 from benchmarks.suites.walks import (
     DT,
+    Measure,
     Walk,
     follow_course,
     slip_per_step,
@@ -24,10 +24,7 @@ from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.models.constants import GRAVITY
 
 OFF_NOMINAL: dict[str, dict[str, Any]] = {
-    "payload 4 kg, 6 cm ahead, 3 cm left": {
-        "payload": 4.0,
-        "payload_position": [0.06, 0.03, 0.08],
-    },
+    "payload 4 kg, 6 cm ahead, 3 cm left": {"payload": 4.0, "payload_position": [0.06, 0.03, 0.08]},
     "torque × 0.9": {"motor_strength": 0.9},
     "delay 4 ms": {"delay": 0.004},
     "sensor noise": {"sensor_noise": 1.0},
@@ -57,20 +54,19 @@ def run(quick: bool) -> dict[str, Any]:
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return every figure beside what is asked of it."""
-    rows = []
-    for f in figures["figures"]:
-        asked = "" if f["bound"] is None else f"{'≥' if f['at_least'] else '≤'} {f['bound']:g}"
-        met = {None: "", True: "yes", False: "no"}[f["met"]]
-        value = "fell" if f["value"] is None else f"{f['value']:.4g}"
-        rows.append((f"{f['section']}: {f['name']}", value, f["unit"], asked, met))
+    """Return every figure beside its bound."""
+
+    def bound(f: Any) -> str:
+        return "" if f["bound"] is None else f"{'≥' if f['at_least'] else '≤'} {f['bound']:g}"
+
+    columns = {
+        "": "{section}: {name}",
+        "figure": lambda f: "fell" if f["value"] is None else f"{f['value']:.4g}",
+        "unit": "{unit}", "asked": bound,
+        "met": lambda f: {None: "", True: "yes", False: "no"}[f["met"]],
+    }  # fmt: skip
     title = "Unitree A1, flat floor, 500 Hz, self-collision on"
-    return {"all": Table(title, ("", "figure", "unit", "asked", "met"), rows)}
-
-
-def parallel(function: Any, jobs: list[Any]) -> list[Any]:
-    """Return `function` of every job's arguments, on all cores."""
-    return joblib.Parallel(n_jobs=-1)(joblib.delayed(function)(*job) for job in jobs)  # pyright: ignore[reportReturnType]  # joblib types its generators only
+    return {"all": table(title, figures["figures"], columns)}
 
 
 def steady_figures(quick: bool) -> list[Measure]:

@@ -1,4 +1,4 @@
-"""How fast the walk runs, beside MuJoCo alone in the same run and a peer where it is installed.
+"""How fast the walk runs, beside MuJoCo alone in the same run.
 
 Episodes are timed in CPU seconds of this process, which runs on one core: what other processes do
 meanwhile does not count.
@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 import hcbf_gym
-from benchmarks.suites.measure import Measure
+from benchmarks.suites.walks import Measure
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.locomotion import qp
@@ -25,7 +25,7 @@ DT = 0.002
 
 
 def speed_figures(quick: bool) -> list[Measure]:
-    """Return real-time factors, the stages of a tick and the peer's figures."""
+    """Return real-time factors and the stages of a tick."""
     repetitions = 1 if quick else 5
     walking, alone = time_episodes(repetitions)
     ratio = float(np.median(alone / walking))
@@ -34,7 +34,7 @@ def speed_figures(quick: bool) -> list[Measure]:
         Measure("speed", "real-time factor of MuJoCo alone", real_time(alone), "×"),
         Measure("speed", "share of MuJoCo's own speed", ratio, "", 0.3, True),
     ]
-    return [*figures, *stage_shares(), *peer_figures(repetitions)]
+    return [*figures, *stage_shares()]
 
 
 def real_time(seconds: Array) -> float:
@@ -149,31 +149,3 @@ def _timed(owner: Any, name: str) -> Iterator[list[float]]:
         yield spent
     finally:
         setattr(owner, name, inner)
-
-
-def peer_figures(repetitions: int) -> list[Measure]:
-    """Time gym-quadruped, which steps without a controller, where it is installed."""
-    try:
-        from gym_quadruped.quadruped_env import (  # pyright: ignore[reportMissingImports]
-            QuadrupedEnv,
-        )
-    except ImportError:
-        return []
-    figures = []
-    for name, observations in (
-        ("with all observations", tuple(QuadrupedEnv.ALL_OBS)),
-        ("with qpos alone", ("qpos",)),
-    ):
-        env = QuadrupedEnv(robot="go1", state_obs_names=observations, sim_dt=DT)
-        env.reset(random=False)
-        action = np.zeros(env.mjModel.nu)
-        seconds = []
-        for _ in range(repetitions):
-            begin = time.process_time()
-            for _ in range(1000):
-                env.step(action)
-            seconds.append(time.process_time() - begin)
-        factor = float(np.median(1000 * DT / np.array(seconds)))
-        label = f"real-time factor, {name}"
-        figures.append(Measure("gym-quadruped, no controller", label, factor, "×"))
-    return figures

@@ -1,11 +1,12 @@
 """Compare the programs in 1,000 random conflicting scenes: which priorities are entered, and how.
 
 The reduced-order model under a held input, sampled every millisecond. Run it again to resume it.
-As a suite it gives the tables of docs/programs.md; `scripts/random_conflicts.py` takes arguments.
+As a suite it gives the tables of docs/programs.md; `scripts/monte_carlo.py` takes arguments.
 """
 
 import itertools
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from typing import Any, Literal
 from rich.console import Console
 
 from benchmarks import random_conflicts
+from benchmarks.common import table
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
@@ -49,16 +51,12 @@ def main(args: Args) -> None:
     """Run what is missing, then print and save the tables."""
     results = compare(args)
     console = Console(width=200)
-    for table in tables({"rows": results}).values():
-        console.print(table.rich())
+    for one in tables({"rows": results}).values():
+        console.print(one.rich())
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the figures of the suite: held rows everywhere, the others under lex-cbf-qp.
-
-    Args:
-        quick: few scenes, and one policy.
-    """
+    """Return the figures of the suite: held rows everywhere, the others under lex-cbf-qp."""
     with tempfile.TemporaryDirectory() as folder:
         args = Args(output=Path(folder) / "quick" if quick else Args.output)
         if quick:
@@ -69,11 +67,7 @@ def run(quick: bool) -> dict[str, Any]:
 
 
 def compare(args: Args) -> list[dict[str, Any]]:
-    """Run the chunks that are missing in the folder; return and save a row for each comparison.
-
-    Raises:
-        InvalidInputError: if an argument makes no sense, or the folder holds another study.
-    """
+    """Run the chunks that are missing in the folder; return and save a row for each comparison."""
     if args.episodes < 1 or args.chunk < 1:
         raise InvalidInputError(
             f"got episodes {args.episodes} and chunk {args.chunk}, expected >= 1"
@@ -112,25 +106,18 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
 
 def _priorities(kind: str, results: list[dict[str, Any]]) -> Table:
-    header = ("policy", "program", f"enters 1 ({BOUNDED})", "2", "3", "4", "depth in 2/3/4 [m]")
-    header += ("time in 2/3/4 [s]", "rms ‖u − u*‖", "at the goal", "deadlock", "entered though met")
-    rows = [
-        (
-            r["policy"],
-            r["program"],
-            _strict(r),
-            *(f"{share:.1%}" for share in r["entered"][1:]),
-            "/".join(f"{depth:.2f}" for depth in r["depth"][1:]),
-            "/".join(f"{seconds:.1f}" for seconds in r["seconds"][1:]),
-            f"{r['intervention']:.2f}",
-            f"{r['reached']:.1%}",
-            f"{r['deadlock']:.1%}",
-            "/".join(str(count) for count in r["entered_though_met"]),
-        )
-        for r in results
-    ]
+    def each(key: str, digits: str, first: int = 1) -> Callable[[Any], str]:
+        return lambda r: "/".join(f"{value:{digits}}" for value in r[key][first:])
+
+    columns: Any = {"policy": "{policy}", "program": "{program}", f"enters 1 ({BOUNDED})": _strict}
+    columns |= {str(rank): f"{{entered[{rank - 1}]:.1%}}" for rank in (2, 3, 4)}
+    columns |= {
+        "depth in 2/3/4 [m]": each("depth", ".2f"), "time in 2/3/4 [s]": each("seconds", ".1f"),
+        "rms ‖u − u*‖": "{intervention:.2f}", "at the goal": "{reached:.1%}",
+        "deadlock": "{deadlock:.1%}", "entered though met": each("entered_though_met", "d", 0),
+    }  # fmt: skip
     title = f"Share of episodes that enter a priority, mean depth within it; rows: {kind}"
-    return Table(title, header, rows)
+    return table(title, results, columns)
 
 
 def _strict(row: dict[str, Any]) -> str:
@@ -140,16 +127,10 @@ def _strict(row: dict[str, Any]) -> str:
 
 
 def _clearance(results: list[dict[str, Any]]) -> Table:
-    header = ("rows", "policy", f"episodes that enter a strict region ({BOUNDED})")
-    header += ("least clearance [mm]", "median clearance [mm]")
-    rows = [
-        (
-            r["rows"],
-            r["policy"],
-            _strict(r),
-            f"{1e3 * r['least_clearance']:.2f}",
-            f"{1e3 * r['median_clearance']:.2f}",
-        )
-        for r in results
-    ]
-    return Table("Clearance from strict regions under lex-cbf-qp", header, rows)
+    columns = {
+        "rows": "{rows}", "policy": "{policy}",
+        f"episodes that enter a strict region ({BOUNDED})": _strict,
+        "least clearance [mm]": lambda r: f"{1e3 * r['least_clearance']:.2f}",
+        "median clearance [mm]": lambda r: f"{1e3 * r['median_clearance']:.2f}",
+    }  # fmt: skip
+    return table("Clearance from strict regions under lex-cbf-qp", results, columns)

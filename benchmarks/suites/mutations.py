@@ -1,4 +1,4 @@
-"""Inputs bent at random: each is refused with an error of this package, or makes sense."""
+"""Malformed inputs: each is refused with an error of this package, or makes sense."""
 
 import contextlib
 import copy
@@ -20,8 +20,7 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.robots import a1
 
-SECONDS = 60.0
-"""Of processor time that a case may take."""
+SECONDS = 60.0  # Of processor time that a case may take
 
 POISON: tuple[Any, ...] = (
     *(None, True, "", "a", "floor", [], {}, [1.0], [[1.0, 2.0]], 1j),
@@ -30,9 +29,8 @@ POISON: tuple[Any, ...] = (
 XML_POISON = ("", "x", "nan", "inf", "0", "-1", "1e300", "1e-300", "1 2 3 4 5 6 7", "floor")
 
 OUTCOMES = ("refused", "accepted", "raw error", "hang", "nonsense")
-"""What may become of a bent input."""
-WRONG = OUTCOMES[2:]
-"""What must not."""
+"""What may become of a malformed input."""
+WRONG = OUTCOMES[2:]  # What must not
 
 RANDOMIZATION = {
     "floor_friction": [0.4, 0.8],
@@ -46,10 +44,7 @@ RANDOMIZATION = {
 }
 DISTURBANCES: tuple[dict[str, Any], ...] = (
     {"kind": "random", "interval": 4.0, "impulse": [5.0, 20.0], "duration": 0.1, "until": 20.0},
-    {
-        "kind": "scheduled",
-        "pushes": [{"time": 0.0, "duration": 0.1, "force": [0.0, 300.0, 0.0]}],
-    },
+    {"kind": "scheduled", "pushes": [{"time": 0.0, "duration": 0.1, "force": [0.0, 300.0, 0.0]}]},
 )
 
 
@@ -58,19 +53,19 @@ class Nonsense(Exception):  # noqa: N818 - what a case shows, no error of the pr
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Bend 2,000 inputs, or 200, and say what became of them."""
+    """Mutate 2,000 inputs, or 200, and count what became of them."""
     count = 50 if quick else 500
     rows = []
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # MuJoCo leaves a log
         for kind, case in CASES.items():
             outcomes = [judge(case, generator(kind, seed)) for seed in range(count)]
-            told = Counter(outcome for outcome, _ in outcomes)
+            seen = Counter(outcome for outcome, _ in outcomes)
             wrong = [
                 f"seed {seed}: {text}"
                 for seed, (outcome, text) in enumerate(outcomes)
                 if outcome in WRONG
             ]
-            counts = {outcome: told[outcome] for outcome in OUTCOMES}
+            counts = {outcome: seen[outcome] for outcome in OUTCOMES}
             rows.append({"kind": kind, "mutations": count, **counts, "wrong": wrong})
     return {"figures": rows}
 
@@ -78,10 +73,9 @@ def run(quick: bool) -> dict[str, Any]:
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return how many of each kind were refused, accepted, or mishandled."""
     header = ("malformed", "mutations", *OUTCOMES)
-    rows = [
-        (row["kind"], *(str(row[column]) for column in header[1:])) for row in figures["figures"]
-    ]
-    return {"all": Table("Inputs bent at random", header, rows)}
+    keys = ("kind", *header[1:])
+    rows = [[str(row[key]) for key in keys] for row in figures["figures"]]
+    return {"all": Table("Inputs mutated at random", header, rows)}
 
 
 def generator(kind: str, seed: int) -> np.random.Generator:
@@ -90,12 +84,7 @@ def generator(kind: str, seed: int) -> np.random.Generator:
 
 
 def judge(case: Callable[[np.random.Generator], None], rng: np.random.Generator) -> tuple[str, str]:
-    """Return one of `OUTCOMES`, and the message where one was raised.
-
-    Args:
-        case: bends an input and uses it.
-        rng: decides how.
-    """
+    """Return one of `OUTCOMES`, and the message where one was raised."""
     try:
         with time_limit(SECONDS):
             case(rng)
@@ -112,11 +101,7 @@ def judge(case: Callable[[np.random.Generator], None], rng: np.random.Generator)
 
 @contextlib.contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in what takes longer; of the main thread alone.
-
-    Args:
-        seconds: of processor time, so that a busy machine changes no verdict.
-    """
+    """Raise TimeoutError in what takes longer; of the main thread alone."""
 
     def stop(_signal: int, _frame: Any) -> None:
         raise TimeoutError(f"no answer within {seconds:g} s")
@@ -130,7 +115,7 @@ def time_limit(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGVTALRM, before)
 
 
-def bent(data: Any, rng: np.random.Generator) -> Any:
+def mutated(data: Any, rng: np.random.Generator) -> Any:
     """Return a copy of nested dicts and lists with one entry replaced, scaled, left out or doubled.
 
     Args:
@@ -140,12 +125,12 @@ def bent(data: Any, rng: np.random.Generator) -> Any:
     copied = copy.deepcopy(data)
     places = list(_places(copied))
     holder, key = places[rng.integers(len(places))]
-    value, way = holder[key], rng.random()
-    if way < 0.2 and isinstance(value, float | int) and value:
+    value, how = holder[key], rng.random()
+    if how < 0.2 and isinstance(value, float | int) and value:
         holder[key] = value * 10.0 ** rng.uniform(-6.0, 6.0) * rng.choice([-1.0, 1.0])
-    elif way < 0.35:
+    elif how < 0.35:
         del holder[key]
-    elif way < 0.45:
+    elif how < 0.45:
         if isinstance(holder, dict):
             holder[f"{key}s"] = value
         else:
@@ -163,26 +148,21 @@ def _places(data: Any) -> Iterator[tuple[Any, Any]]:
             yield from _places(data[key])
 
 
-def bent_xml(text: str, rng: np.random.Generator) -> str:
-    """Return an MJCF text with one attribute or element replaced, scaled, left out or doubled.
-
-    Args:
-        text: of the file.
-        rng: decides which and how.
-    """
+def mutated_xml(text: str, rng: np.random.Generator) -> str:
+    """Return an MJCF text with one attribute or element replaced, scaled, left out or doubled."""
     root = ElementTree.fromstring(text)
     parents = {child: parent for parent in root.iter() for child in parent}
     elements = list(parents)
     element = elements[rng.integers(len(elements))]
-    names, way = sorted(element.attrib), rng.random()
+    names, how = sorted(element.attrib), rng.random()
     name = names[rng.integers(len(names))] if names else "name"
-    if way < 0.1:
+    if how < 0.1:
         parents[element].remove(element)
-    elif way < 0.2:
+    elif how < 0.2:
         parents[element].append(copy.deepcopy(element))
-    elif way < 0.35:
+    elif how < 0.35:
         element.attrib.pop(name, None)
-    elif way < 0.6:
+    elif how < 0.6:
         element.set(name, _scaled(element.get(name, ""), rng))
     else:
         element.set(name, str(rng.choice(XML_POISON)))
@@ -200,7 +180,7 @@ def _scaled(text: str, rng: np.random.Generator) -> str:
 
 def _scenario(rng: np.random.Generator) -> None:
     name = ("paper-simulation", "paper-experiment", "random", "random-moving")[rng.integers(4)]
-    data = bent(scenarios.make(name, rng).to_dict(), rng)
+    data = mutated(scenarios.make(name, rng).to_dict(), rng)
     env = RegionsEnv(scenario=data)
     observation, info = env.reset(seed=0)
     for _ in range(5):
@@ -211,12 +191,12 @@ def _scenario(rng: np.random.Generator) -> None:
 
 
 def _randomization(rng: np.random.Generator) -> None:
-    data = bent(RANDOMIZATION, rng)
+    data = mutated(RANDOMIZATION, rng)
     _fall_free(data, A1Physics(randomization=data), rng)
 
 
 def _disturbance(rng: np.random.Generator) -> None:
-    data = bent({"of": DISTURBANCES[rng.integers(2)]}, rng).get("of")
+    data = mutated({"of": DISTURBANCES[rng.integers(2)]}, rng).get("of")
     _fall_free(data, A1Physics(disturbances=data), rng)
 
 
@@ -231,7 +211,7 @@ def _fall_free(data: Any, physics: A1Physics, rng: np.random.Generator) -> None:
 
 def _robot(rng: np.random.Generator) -> None:
     path = Path("robot.xml")
-    path.write_text(bent_xml(a1.XML_FILE.read_text(encoding="utf-8"), rng), encoding="utf-8")
+    path.write_text(mutated_xml(a1.XML_FILE.read_text(encoding="utf-8"), rng), encoding="utf-8")
     physics, controller = A1Physics(path), LocomotionController(path)
     physics.reset(np.zeros(2), 0.0, rng)
     controller.reset(physics.state())
@@ -241,10 +221,9 @@ def _robot(rng: np.random.Generator) -> None:
         raise Nonsense("the robot falls on the spot")
 
 
-CASES: dict[str, Callable[[np.random.Generator], None]] = {
+CASES: dict[str, Callable[[np.random.Generator], None]] = {  # What is mutated, and a trial of it
     "scenario": _scenario,
     "randomization": _randomization,
     "disturbance": _disturbance,
     "robot": _robot,
 }
-"""What is bent, and a trial of it."""

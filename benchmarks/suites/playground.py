@@ -15,32 +15,24 @@ import numpy as np
 import viser
 from websockets.sync.client import connect
 
+from benchmarks.common import table
 from hcbf_gym.evaluation.tables import Table
 from hcbf_lab.play.page import Page
 from hcbf_lab.play.session import Session
 from hcbf_lab.play.settings import Settings
 
 SETTINGS = Settings(policy="human", program="lex-cbf-qp", guidance=True)
-CHANGE_EVERY = 5.0
-"""Time between two things that the person does [s]."""
-REACH = 1.5
-"""How far from the robot the stick is dragged [m]."""
-PUSH = 60.0
-"""[N]."""
+CHANGE_EVERY = 5.0  # Time between two things that the person does [s]
+REACH = 1.5  # How far from the robot the stick is dragged [m]
+PUSH = 60.0  # [N]
 AS_FAST_AS_IT_CAN = 1e6
-FREE_RUN = 10.0
-"""How long the simulation runs as fast as it can [s of the clock]."""
-NAP = 15.0
-"""How long a browser that reads nothing stays [s]; the page itself drops it after 40 s."""
+FREE_RUN = 10.0  # How long the simulation runs as fast as it can [s of the clock]
+NAP = 15.0  # How long a browser that reads nothing stays [s]; the page itself drops it after 40 s
 _MEGABYTE = 1e6 if sys.platform == "darwin" else 1e3  # of what getrusage counts in
 
 
 class Reader(threading.Thread):
-    """A browser without a picture: it counts what it is sent.
-
-    Attributes:
-        count: of the messages so far, each an update of all that has changed.
-    """
+    """A browser without a picture: it counts what it is sent."""
 
     def __init__(self, port: int):
         super().__init__(daemon=True)
@@ -53,12 +45,7 @@ class Reader(threading.Thread):
 
 
 def doze(port: int, stop: threading.Event) -> None:
-    """Connect, read nothing for a while, leave, and connect again, until told to stop.
-
-    Args:
-        port: of the page.
-        stop: set when it is over.
-    """
+    """Connect, read nothing for a while, leave, and connect again, until it is stopped."""
     while not stop.is_set():
         with _connection(port):
             stop.wait(NAP)
@@ -69,9 +56,6 @@ def run(quick: bool) -> dict[str, Any]:
 
     A browser draws in software (if Chromium is installed), a reader counts what is sent, and a
     third connects again and again and never reads.
-
-    Args:
-        quick: a fifth of a minute instead of ten.
     """
     periods, period = (2, 6.0) if quick else (10, 60.0)
     session = Session(SETTINGS, "random")
@@ -98,15 +82,13 @@ def run(quick: bool) -> dict[str, Any]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of pace, updates and memory."""
-    rows = [
-        (name, f"{row['pace']:.2f} x", f"{row['updates']:.0f} /s", f"{row['memory']:.0f} MB")
-        for name, row in [
-            *((f"period {k + 1}", row) for k, row in enumerate(figures["rows"])),
-            ("as fast as it can", figures["free"]),
-        ]
-    ]
-    header = ("on the clock", "simulated time", "updates sent", "most memory so far")
-    return {"all": Table(f"the playground, drawn by {figures['browser']}", header, rows)}
+    rows = [{"name": f"period {k + 1}"} | row for k, row in enumerate(figures["rows"])]
+    rows.append({"name": "as fast as it can"} | figures["free"])
+    columns = {
+        "on the clock": "{name}", "simulated time": "{pace:.2f} x",
+        "updates sent": "{updates:.0f} /s", "most memory so far": "{memory:.0f} MB",
+    }  # fmt: skip
+    return {"all": table(f"the playground, drawn by {figures['browser']}", rows, columns)}
 
 
 def _play(session: Session, duration: float, reader: Reader, seed: int) -> dict[str, float]:
@@ -129,7 +111,7 @@ def _play(session: Session, duration: float, reader: Reader, seed: int) -> dict[
 
 
 def _connection(port: int) -> Any:
-    """Connect as a browser does; what is not read waits with the sender."""
+    """Connect as a browser does; the sender keeps unread messages."""
     protocol: Any = f"viser-v{viser.__version__}"
     return connect(
         f"ws://127.0.0.1:{port}",

@@ -15,22 +15,17 @@ from benchmarks.suites.learned_policies import (
     figures_of,
     tables,
 )
-from hcbf_gym.arrays import Array
 from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case
 
 __all__ = ["run", "tables"]
 
 KEPT = Path("results/policies-on-a1")
-"""Finished episodes: a run that was interrupted goes on where it stopped."""
+"""Finished episodes: a run that was interrupted continues there."""
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the cells of the table.
-
-    Args:
-        quick: one scene.
-    """
+    """Return the cells of the table."""
     return {"A1": cells(1 if quick else 300, a1_cell)}
 
 
@@ -41,24 +36,14 @@ def a1_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
     m = len(PRIORITY)
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
     summaries = in_order(Runs(KEPT).over(functools.partial(_summary, case), seeds))
-    least: Array = np.array([summary["min_h"] for summary in summaries])
-    inside = np.array([summary["violation_seconds"] for summary in summaries])
-    figures = figures_of(
-        np.array([summary["reached"] for summary in summaries]),
-        np.array([summary["return"] for summary in summaries]),
-        least[:, :m],
-        inside[:, :m],
-        np.array([summary["intervention_rms"] for summary in summaries]),
-        np.array([summary["deadlock_share"] for summary in summaries]),
-        np.array([summary["fell"] for summary in summaries]),
-    )
-    strict = least[:, :m][:, PRIORITY == 1].min(axis=1)
-    figures["over_speed_m_s"] = float(np.maximum(-least[:, m:], 0.0).max())
-    figures["strict_cases"] = [
-        [seeds[k], round(float(strict[k]), 4)] for k in np.flatnonzero(strict < 0.0).tolist()
-    ]
-    return figures
+    of = {key: np.array([summary[key] for summary in summaries]) for key in summaries[0]}
+    strict = of["min_h"][:, :m][:, PRIORITY == 1].min(axis=1)
+    over_speed = float(np.maximum(-of["min_h"][:, m:], 0.0).max())
+    cases = [[seeds[k], round(float(strict[k]), 4)] for k in np.flatnonzero(strict < 0.0).tolist()]
+    return figures_of(of) | {"over_speed_m_s": over_speed, "strict_cases": cases}
 
 
 def _summary(case: Case, seed: int) -> dict[str, Any]:
-    return case.run(seed).summary()
+    wanted = ("reached", "return", "min_h", "violation_seconds", "intervention_rms")
+    summary = case.run(seed).summary()
+    return {key: summary[key] for key in (*wanted, "deadlock_share", "fell")}

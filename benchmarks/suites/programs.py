@@ -5,12 +5,12 @@ Peers are measured in the same run where they are installed (the extra `benchmar
 
 import functools
 import importlib.util
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
+from benchmarks.common import in_turn, nothing, table
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane, RowSettings
@@ -67,17 +67,9 @@ def states(count: int, m: int) -> tuple[BarrierSet, Array, Array, Array]:
     return barriers, x, np.zeros(count), rng.normal(0.0, 3.0, (count, 2))
 
 
-def medians(calls: Sequence[Callable[[], Any]], repeats: int) -> list[float]:
-    """Return each call's median time [µs]; they take turns, so that all see the same machine."""
-    for call in calls:
-        call()
-    times = np.empty((repeats, len(calls)))
-    for i in range(repeats):
-        for k, call in enumerate(calls):
-            start = time.perf_counter()
-            call()
-            times[i, k] = time.perf_counter() - start
-    return (1e6 * np.median(times, axis=0)).tolist()
+def medians(calls: Iterable[Callable[[], Any]], repeats: int) -> list[float]:
+    """Return each call's median time [µs]."""
+    return in_turn([(nothing, call) for call in calls], repeats).tolist()
 
 
 def _filter_in_turn(name: str, solver: str | None = None) -> Callable[[], Any]:
@@ -150,34 +142,21 @@ def _peers(repeats: int, batch_repeats: int, size: int) -> dict[str, float]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the programs' times, those of the general form by solver, and the peers'."""
-    names = list(figures["single"])
-    program = Table(
-        "A filtered action, 4 rows, rows included: medians",
-        ("program", "single [µs]", "batch [µs]", "actions/s", "gain", "m^p, 4 to 64"),
-        [
-            (
-                f"`{name}`",
-                f"{figures['single'][name]:.0f}",
-                f"{figures['batch'][name]:.2f}",
-                f"{figures['actions_per_second'][name]:,.0f}",
-                f"{figures['batch_gain'][name]:.0f}",
-                f"{figures['growth_exponent'][name]:.2f}",
-            )
-            for name in names
-        ],
-    )
-    solvers = list(next(iter(figures["solvers"].values())))
-    solver = Table(
-        "The same through a QP solver [µs]",
-        ("program", *solvers),
-        [
-            (f"`{name}`", *(f"{times[solver]:.0f}" for solver in solvers))
-            for name, times in figures["solvers"].items()
-        ],
-    )
-    peers = Table(
-        "In turn with peers [µs]",
-        ("filter", "a filtered action"),
-        [(name, f"{time:.1f}") for name, time in figures["peers"].items()],
-    )
-    return {"programs": program, "solvers": solver, "peers": peers}
+    columns = {
+        "program": "`{name}`", "single [µs]": "{single:.0f}", "batch [µs]": "{batch:.2f}",
+        "actions/s": "{actions_per_second:,.0f}", "gain": "{batch_gain:.0f}",
+        "m^p, 4 to 64": "{growth_exponent:.2f}",
+    }  # fmt: skip
+    keys = ("single", "batch", "actions_per_second", "batch_gain", "growth_exponent")
+    programs = [
+        {"name": name} | {key: figures[key][name] for key in keys} for name in figures["single"]
+    ]
+    solvers = [{"name": name} | times for name, times in figures["solvers"].items()]
+    by_solver = {"program": "`{name}`"} | {key: f"{{{key}:.0f}}" for key in list(solvers[0])[1:]}
+    of_peers = {"filter": "{name}", "a filtered action": "{time:.1f}"}
+    peers = [{"name": name, "time": time} for name, time in figures["peers"].items()]
+    return {
+        "programs": table("A filtered action, 4 rows, rows included: medians", programs, columns),
+        "solvers": table("The same through a QP solver [µs]", solvers, by_solver),
+        "peers": table("In turn with peers [µs]", peers, of_peers),
+    }

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from benchmarks.common import table
 from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.tables import Table
 from hcbf_lab.reproduction import FIGURES
@@ -13,11 +14,7 @@ FOLDER = Path("results")
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Draw all figures, and return the claims with the figures that they rest on.
-
-    Args:
-        quick: fewer episodes.
-    """
+    """Draw all figures, and return the claims with the figures that they rest on."""
     folder = FOLDER / ("reproduce-quick" if quick else "reproduce")
     return reproduce(FIGURES, folder, quick, Runs(folder / "episodes"))
 
@@ -39,49 +36,39 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
 
 
 def _weights(on_model: list[dict[str, Any]], on_robot: list[dict[str, Any]]) -> Table:
-    header = (
-        "weights (γ₀, Δγ)", "min h₃ [m]", "min h₄ [m]", "violation of h₄ [m·s]",
-        "tracking RMS [m]", "final error [m]",
-    )  # fmt: skip
-    shown = ("min_h3", "min_h4", "violation_of_h4", "tracking_rms", "final_error")
+    shown = {
+        "min h₃ [m]": "min_h3", "min h₄ [m]": "min_h4", "violation of h₄ [m·s]": "violation_of_h4",
+        "tracking RMS [m]": "tracking_rms", "final error [m]": "final_error",
+    }  # fmt: skip
+    columns: Any = {"weights (γ₀, Δγ)": "{name} ({gamma0:g}, {delta_gamma:g})"} | {
+        header: f"{{rom[{key}]:.2f}} / {{a1[{key}]:.2f}}" for header, key in shown.items()
+    }
     rows = [
-        (
-            f"{rom['program'][0].upper()} ({rom['gamma0']:g}, {rom['delta_gamma']:g})",
-            *(f"{rom[key]:.2f} / {a1[key]:.2f}" for key in shown),
-        )
+        rom | {"rom": rom, "a1": a1, "name": rom["program"][0].upper()}
         for rom, a1 in zip(on_model, on_robot, strict=True)
     ]
-    return Table("reduced-order model / A1", header, rows)
+    return table("reduced-order model / A1", rows, columns)
 
 
 def _episodes(episodes: dict[str, dict[str, Any]]) -> Table:
-    header = (
-        "A1", "steps touching the box", "reaches the goal", "final error [m]", "min h₃ [m]",
-        "min h₄ [m]", "violation of h₄ [m·s]",
-    )  # fmt: skip
-    rows = [
-        (
-            name, str(one["steps_touching_the_box"]), "yes" if one["reached"] else "no",
-            f"{one['final_error']:.2f}", f"{one['min_h3']:.3f}", f"{one['min_h4']:.2f}",
-            f"{one['violation_of_h4']:.2f}",
-        )
-        for name, one in episodes.items()
-    ]  # fmt: skip
-    return Table("the experiment's course", header, rows)
+    columns = {
+        "A1": "{name}", "steps touching the box": "{steps_touching_the_box}",
+        "reaches the goal": lambda one: "yes" if one["reached"] else "no",
+        "final error [m]": "{final_error:.2f}", "min h₃ [m]": "{min_h3:.3f}",
+        "min h₄ [m]": "{min_h4:.2f}", "violation of h₄ [m·s]": "{violation_of_h4:.2f}",
+    }  # fmt: skip
+    return table("the experiment's course", _named(episodes), columns)
 
 
 def _over_seeds(seeds: dict[str, dict[str, Any]]) -> Table:
-    header = (
-        "A1, disturbed", "episodes", "touched the box", "reached the goal", "fell",
-        "least h₃ [m]", "mean min h₄ [m]", "mean violation of h₄ [m·s]",
-    )  # fmt: skip
-    rows = [
-        (
-            name, str(one["episodes"]), str(one["touched_the_box"]), str(one["reached"]),
-            str(one["fell"]), f"{one['least_h3']:.3f}",
-            f"{sum(one['least_h4']) / len(one['least_h4']):.2f}",
-            f"{one['mean_violation_of_h4']:.2f}",
-        )
-        for name, one in seeds.items()
-    ]  # fmt: skip
-    return Table("over seeds", header, rows)
+    columns = {
+        "A1, disturbed": "{name}", "episodes": "{episodes}", "touched the box": "{touched_the_box}",
+        "reached the goal": "{reached}", "fell": "{fell}", "least h₃ [m]": "{least_h3:.3f}",
+        "mean min h₄ [m]": lambda one: f"{sum(one['least_h4']) / len(one['least_h4']):.2f}",
+        "mean violation of h₄ [m·s]": "{mean_violation_of_h4:.2f}",
+    }  # fmt: skip
+    return table("over seeds", _named(seeds), columns)
+
+
+def _named(rows: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{"name": name} | one for name, one in rows.items()]

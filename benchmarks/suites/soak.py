@@ -4,29 +4,27 @@ import contextlib
 import copy
 import functools
 import resource
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import joblib
 import numpy as np
 
-from benchmarks.strict.faults import FAULTS
+from benchmarks.command_tracking import WRAPPERS
+from benchmarks.common import parallel, table
 from hcbf_gym import wrappers
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 
-SECONDS = 3600.0
-"""Of simulated time, for the A1, and for every copy of the reduced-order model."""
+SECONDS = 3600.0  # Of simulated time, for the A1, and for every copy of the reduced-order model
 EPISODES_PER_ENV = 8
 """Then the A1's environment is closed, and one with another fault inside is made."""
 COPIES = 8
 DT = 0.02
 
-CONDITIONS: dict[str, Any] = {
+CONDITIONS: dict[str, Any] = {  # Of the A1's plant; the hardest pushes make it fall
     "randomization": {
         "floor_friction": [0.4, 0.8],
         "payload": [0.0, 4.0],
@@ -38,7 +36,6 @@ CONDITIONS: dict[str, Any] = {
     "disturbances": {"kind": "random", "interval": 3.0, "impulse": [5.0, 60.0]},
     "estimation": {},
 }
-"""Of the A1's plant; the hardest pushes make it fall."""
 
 BAD_ACTIONS: tuple[Any, ...] = (np.full(2, np.nan), np.zeros(3), "ab", {}, None, [1j, 0.0])
 
@@ -46,9 +43,7 @@ BAD_ACTIONS: tuple[Any, ...] = (np.full(2, np.nan), np.zeros(3), "ab", {}, None,
 def run(quick: bool) -> dict[str, Any]:
     """Let both environments run, each in a process, and return the memory that it held."""
     seconds = SECONDS / 60.0 if quick else SECONDS
-    both = (joblib.delayed(walk)(seconds) for walk in (a1, native))
-    walked: Any = joblib.Parallel(n_jobs=2)(both)
-    on_robot, on_model = walked
+    on_robot, on_model = parallel(_walk, ((walk, seconds) for walk in (a1, native)), workers=2)
     return {
         "seconds": seconds,
         "soak": [
@@ -58,6 +53,10 @@ def run(quick: bool) -> dict[str, Any]:
     }
 
 
+def _walk(walk: Callable[[float], Any], seconds: float) -> Any:
+    return walk(seconds)
+
+
 def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
     """Run A1 episodes back to back; return the memory after each [MB], and what happened."""
     rng = np.random.default_rng(0)
@@ -65,7 +64,7 @@ def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
     seen = {"episodes": 0, "falls": 0, "qp_failures": 0, "BACKUP": 0, "refused": 0}
     left = seconds
     while left > 0.0:
-        fault = list(FAULTS.values())[(len(memory) // EPISODES_PER_ENV) % len(FAULTS)]
+        fault = list(WRAPPERS.values())[(len(memory) // EPISODES_PER_ENV) % len(WRAPPERS)]
         inner = gym.make("HCBF-A1Regions-v0", scenario="random-moving", **CONDITIONS)
         inside = inner if fault is None else fault(inner)
         env = wrappers.SafetyFilter(inside, program="lex-cbf-qp", guidance="geodesic")
@@ -79,9 +78,9 @@ def a1(seconds: float) -> tuple[list[float], dict[str, int]]:
 
 
 def _episode(env: gym.Env, rng: np.random.Generator, left: float, seen: dict[str, int]) -> float:
-    """Run one episode under a random policy, with bad input on the way; return its time [s]."""
+    """Run one episode under a random policy, with bad input; return its time [s]."""
     inner: Any = env.unwrapped
-    env.reset(seed=int(rng.integers(2**31)))  # Gymnasium's checker wants one before a bad one
+    env.reset(seed=int(rng.integers(2**31)))  # Gymnasium's checker requires one before a bad one
     seen["refused"] += _refused(lambda: env.reset(options={"no such option": 1}))
     env.reset()
     ended, u, info = False, np.zeros(2), {}
@@ -92,9 +91,7 @@ def _episode(env: gym.Env, rng: np.random.Generator, left: float, seen: dict[str
             action = BAD_ACTIONS[rng.integers(len(BAD_ACTIONS))]
             bad = functools.partial(env.step, action), functools.partial(copy.deepcopy, inner)
             seen["refused"] += sum(map(_refused, bad))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the monitor's, of the fault inside
-            _, _, terminated, truncated, info = env.step(u)
+        _, _, terminated, truncated, info = env.step(u)
         seen["BACKUP"] += int(info["safety_filter"]["status"] == FilterStatus.BACKUP)
         ended = terminated or truncated
     seen["episodes"] += 1
@@ -136,7 +133,7 @@ def native(seconds: float) -> tuple[list[float], dict[str, int]]:
 
 
 def resident() -> float:
-    """Return the memory that this process holds [MB]; its peak where the system tells no more."""
+    """Return the memory that this process holds [MB]; its peak where the system has no more."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
@@ -151,18 +148,12 @@ def _summary(memory: list[float], seen: dict[str, int]) -> dict[str, Any]:
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the table of memory and of what happened on the way."""
-    header = (
-        "", "episodes", "after 10 % [MB]", "50 %", "100 %", "largest", "falls", "BACKUP steps",
-        "QP failures", "bad input refused",
-    )  # fmt: skip
-    rows = [
-        (
-            row["what"], str(row["episodes"]), *(f"{value:.1f}" for value in row["memory"]),
-            f"{row['largest']:.1f}", str(row["falls"]), str(row["BACKUP"]),
-            str(row["qp_failures"]), str(row["refused"]),
-        )
-        for row in figures["soak"]
-    ]  # fmt: skip
+    """Return the table of memory and of what happened meanwhile."""
+    columns = {
+        "": "{what}", "episodes": "{episodes}", "after 10 % [MB]": "{memory[0]:.1f}",
+        "50 %": "{memory[1]:.1f}", "100 %": "{memory[2]:.1f}", "largest": "{largest:.1f}",
+        "falls": "{falls}", "BACKUP steps": "{BACKUP}", "QP failures": "{qp_failures}",
+        "bad input refused": "{refused}",
+    }  # fmt: skip
     title = f"{figures['seconds']:.0f} s of simulated time, with resets and faults"
-    return {"memory": Table(title, header, rows)}
+    return {"memory": table(title, figures["soak"], columns)}

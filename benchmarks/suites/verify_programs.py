@@ -1,54 +1,40 @@
 """Every program against its solution in rational arithmetic, on random problems of every kind."""
 
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-import joblib
 import numpy as np
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
+from benchmarks.common import table
 from benchmarks.judges.judge import Judge
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
 from hcbf_gym.programs import CbfRows, FilterResult, FilterStatus
 
-TOLERANCE = 1e-6
-"""Largest |Δu| that counts as the same input."""
-GROUP = 100
-"""Problems that share a program with its options."""
+TOLERANCE = 1e-6  # Largest |Δu| that counts as the same input
+GROUP = 100  # Problems that share a program with its options
 INPUTS = {"batch": 2, "single": 2, "2 inputs": 2, "1 input": 1, "3 inputs": 3, "7 inputs": 7}
 """The forms that are compared, and their numbers of inputs: `make_batch` and `make`; "2 inputs" are
 those by DAQP."""
 FORMS = tuple(INPUTS)
 
-INPUT_SETS: tuple[InputSet, ...] = (
-    Box.symmetric(5.0),
-    Box([-1.0, 0.0], [4.0, 2.5]),
-    Ball(5.0),
-)
+INPUT_SETS: tuple[InputSet, ...] = (Box.symmetric(5.0), Box([-1.0, 0.0], [4.0, 2.5]), Ball(5.0))
 
 
 @dataclass
 class Tally:
-    """What came out of the comparison of one program in one form.
+    """What came out of the comparison of one program in one form."""
 
-    Attributes:
-        problems: how many were compared.
-        largest_difference: the largest |Δu| among those that are not wrong.
-        wrong: how many differ by more than `TOLERANCE`.
-        backups: answers with status BACKUP.
-        fallbacks: problems with a stage that took twice the digits, or DAQP's second opinion.
-    """
-
-    problems: int = 0
-    largest_difference: float = 0.0
-    wrong: int = 0
-    backups: int = 0
-    fallbacks: int = 0
+    problems: int = 0  # how many were compared
+    largest_difference: float = 0.0  # the largest |Δu| among those that are not wrong
+    wrong: int = 0  # how many differ by more than `TOLERANCE`
+    backups: int = 0  # answers with status BACKUP
+    fallbacks: int = 0  # problems with a stage that took twice the digits, or DAQP's second opinion
 
     def add(self, answer: FilterResult, wanted: Array) -> None:
         """Compare one answer with the exact input."""
@@ -134,34 +120,10 @@ def random_options(rng: np.random.Generator, name: str) -> dict[str, Any]:
     return {key: value for key, value in every.items() if key in programs.options(name)}
 
 
-def verify(
-    name: str, samples: int, jobs: int = 1, forms: Sequence[str] = FORMS, size: int = GROUP
-) -> Iterator[dict[str, Tally]]:
-    """Compare the forms of a program with its exact solution; yield the tallies as they grow.
-
-    Args:
-        name: the program.
-        samples: how many problems, rounded up to whole groups.
-        jobs: how many processes share the work; −1 is one for each core.
-        forms: among `FORMS`.
-        size: of a group.
-
-    Yields:
-        The tallies of each form, after each group of problems.
-    """
-    groups = range(-(-samples // size))
-    work = (joblib.delayed(verify_group)(name, [0, group], forms, size) for group in groups)
-    total: dict[str, Tally] = {}
-    done: Any = joblib.Parallel(jobs, return_as="generator")(work)
-    for tallies in done:
-        total = {form: total.get(form, Tally()) + tally for form, tally in tallies.items()}
-        yield total
-
-
 def verify_group(
     name: str, seed: list[int], forms: Sequence[str] = FORMS, size: int = GROUP
 ) -> dict[str, Tally]:
-    """Compare a program, under options of the group's own, on `size` problems."""
+    """Compare the forms of a program with its exact solution on `size` problems."""
     tallies = {form: Tally() for form in forms}
     for n_u in sorted({INPUTS[form] for form in forms}):
         rng = np.random.default_rng([programs.names().index(name), *seed, n_u])
@@ -225,31 +187,30 @@ def run(quick: bool) -> dict[str, Any]:
     """
     figures: dict[str, Any] = {name: {} for name in programs.names()}
     planar, general = ("batch", "single"), ("1 input", "3 inputs", "7 inputs")
-    counts = {planar: 40 if quick else 100_000, general: 20 if quick else 20_000}
     size = 20 if quick else GROUP
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        for forms, samples in counts.items():
-            for name in programs.names():
-                bar = progress.add_task(f"{name}, {forms[0]}", total=samples)
-                for tallies in verify(name, samples, jobs=-1, forms=forms, size=size):
-                    progress.update(bar, completed=tallies[forms[0]].problems)
-                    figures[name] |= {form: asdict(tally) for form, tally in tallies.items()}
-    return figures
+    for forms, count in ((planar, 40 if quick else 100_000), (general, 20 if quick else 20_000)):
+        for name in programs.names():
+            group = functools.partial(verify_group, name, forms=forms, size=size)
+            seeds = [[0, k] for k in range(count // size)]
+            for _, tallies in Runs().over(group, seeds, f"{name}, {forms[0]}"):
+                for form, tally in tallies.items():
+                    figures[name][form] = figures[name].get(form, Tally()) + tally
+    return {
+        name: {form: asdict(tally) for form, tally in tallies.items()}
+        for name, tallies in figures.items()
+    }
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tallies of every program in every form."""
     rows = [
-        (
-            f"`{name}`",
-            form,
-            f"{tally['problems']:,}",
-            f"{tally['largest_difference']:.1e}",
-            *(f"{tally[key]:,}" for key in ("wrong", "backups", "fallbacks")),
-        )
+        {"program": name, "form": form} | tally
         for name, forms in figures.items()
         for form, tally in forms.items()
     ]
-    header = ("program", "form", "problems", "max |Δu|", "wrong", "BACKUP", "fallbacks")
-    return {"all": Table("Against rational arithmetic", header, rows)}
+    columns = {
+        "program": "`{program}`", "form": "{form}", "problems": "{problems:,}",
+        "max |Δu|": "{largest_difference:.1e}", "wrong": "{wrong:,}", "BACKUP": "{backups:,}",
+        "fallbacks": "{fallbacks:,}",
+    }  # fmt: skip
+    return {"all": table("Against rational arithmetic", rows, columns)}

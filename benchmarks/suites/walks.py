@@ -22,30 +22,36 @@ CONTROL_TICKS = 10  # u is held for 20 ms
 SPEED_CAP = 1.2  # [m/s]
 
 
+class Measure(NamedTuple):
+    """One line of the table."""
+
+    section: str  # what is measured
+    name: str  # under which circumstances
+    value: float  # the figure
+    unit: str  # of the value
+    bound: float | None = None  # what is required, None for a figure that is only reported
+    at_least: bool = False  # whether the bound is a lower one
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the bound holds; None if there is none."""
+        if self.bound is None:
+            return None
+        return bool(self.value >= self.bound if self.at_least else self.value <= self.bound)
+
+
 class Walk(NamedTuple):
-    """What was recorded, a row per tick.
+    """What was recorded, a row per tick."""
 
-    Attributes:
-        state: of the robot, as arrays stacked along time.
-        reference: (n, 5) position, velocity and yaw of the body reference.
-        torque: (n, 12) what the motors delivered in the tick that follows [N·m].
-        saturated: (n,) whether a motor delivered all that it can at its speed.
-        sole: (n, 4, 2) velocity along the ground of each foot's lowest point [m/s].
-        mass: of the robot [kg].
-        fell: whether it did.
-        solved: task-space QPs solved.
-        failed: task-space QPs without a solution.
-    """
-
-    state: RobotState
-    reference: Array
-    torque: Array
-    saturated: Mask
-    sole: Array
-    mass: float
-    fell: bool
-    solved: int
-    failed: int
+    state: RobotState  # of the robot, as arrays stacked along time
+    reference: Array  # (n, 5) position, velocity and yaw of the body reference
+    torque: Array  # (n, 12) what the motors delivered in the tick that follows [N·m]
+    saturated: Mask  # (n,) whether a motor delivered all that it can at its speed
+    sole: Array  # (n, 4, 2) velocity along the ground of each foot's lowest point [m/s]
+    mass: float  # of the robot [kg]
+    fell: bool  # whether it did
+    solved: int  # task-space QPs solved
+    failed: int  # task-space QPs without a solution
 
 
 def walk(
@@ -58,17 +64,7 @@ def walk(
     gait: str = "trot",
     heading: str = "velocity",
 ) -> Walk:
-    """Walk under u, sampled every 20 ms, from rest at the origin.
-
-    Args:
-        seconds: how long.
-        u: of time [s], reference and state → (2,) [m/s²].
-        seed: of what is random about the plant.
-        yaw: at the start [rad].
-        simulation: options of `A1Physics`.
-        gait: of the controller.
-        heading: of the controller.
-    """
+    """Walk under u, sampled every 20 ms, from rest at the origin."""
     plant = A1Physics(**(simulation or {}))
     plant.reset(np.zeros(2), yaw, np.random.default_rng(seed))
     brain = LocomotionController(gait=gait, heading=heading, max_speed=SPEED_CAP)
@@ -168,15 +164,9 @@ def slip_per_step(walked: Walk, start: int) -> float:
 
 
 def follow_course(
-    feedforward: bool, seed: int = 0, simulation: Mapping[str, Any] | None = None
+    feedforward: bool, simulation: Mapping[str, Any] | None = None
 ) -> tuple[Walk, Array]:
-    """Walk the paper's 20 s course unfiltered; return the walk and (n,) the tracking error [m].
-
-    Args:
-        feedforward: whether the reference's acceleration is added to the PD law.
-        seed: of what is random about the plant.
-        simulation: options of `A1Physics`.
-    """
+    """Walk the paper's 20 s course unfiltered; return the walk and (n,) the tracking error [m]."""
     course = scenarios.make("paper-simulation", np.random.default_rng(0)).reference
 
     def u(t: float, _reference: BodyReference, state: RobotState) -> Array:
@@ -186,6 +176,6 @@ def follow_course(
 
     direction = course(20.0)[0]
     yaw = float(np.arctan2(direction[1], direction[0]))
-    walked = walk(20.0, u, seed=seed, yaw=yaw, simulation=simulation)
+    walked = walk(20.0, u, yaw=yaw, simulation=simulation)
     desired = np.array([course(tick * DT)[0] for tick in range(len(walked.reference))])
     return walked, np.linalg.norm(walked.state.position[:, :2] - desired, axis=1)

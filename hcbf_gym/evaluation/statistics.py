@@ -59,8 +59,9 @@ def mean(values: Sequence[float | None]) -> float | None:
 def share_interval(outcomes: Sequence[bool | None]) -> Interval:
     """Return the exact interval (Clopper and Pearson) of the chance of an outcome.
 
-    >>> [round(end, 3) for end in share_interval([True] * 19 + [False])]
-    [0.751, 0.999]
+    Examples:
+        >>> [round(end, 3) for end in share_interval([True] * 19 + [False])]
+        [0.751, 0.999]
     """
     if not outcomes or None in outcomes:
         return None
@@ -82,8 +83,9 @@ def shown_share(share: float, n: int) -> str:
 def mean_interval(values: Sequence[float]) -> Interval:
     """Return Student's interval of a mean; None of fewer than two values.
 
-    >>> [round(end, 3) for end in mean_interval([1.0, 2.0, 3.0])]
-    [-0.484, 4.484]
+    Examples:
+        >>> [round(end, 3) for end in mean_interval([1.0, 2.0, 3.0])]
+        [-0.484, 4.484]
     """
     n = len(values)
     if n < 2:

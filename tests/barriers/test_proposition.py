@@ -1,10 +1,10 @@
-"""Regions are not entered without a word: what the rows reserve, and how hard they brake."""
+"""Regions are not entered without a report: what the rows reserve, and how hard they brake."""
 
 import numpy as np
 import pytest
 
-from benchmarks.suites import proposition
-from benchmarks.suites.proposition import Draw, Way
+from benchmarks import proposition
+from benchmarks.proposition import Draw, Start
 from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, LogClassK
 from hcbf_gym.models.input_sets import Box
 
@@ -16,7 +16,7 @@ WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0), 0, (-1.0, 0.0, 0.0)
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_body_that_is_pressed_round_the_tip_of_an_ellipse_enters_nothing(axes, side):
     region = Ellipse("ellipse", 1, (0.0, 0.0), axes), 2, (0.0, 0.0, *axes, 0.0)
-    way = Way(*region, np.array([1.1 * axes[0] + 0.5, 0.0, 0.0, 0.0]), seconds=3.0)
+    way = Start(*region, np.array([1.1 * axes[0] + 0.5, 0.0, 0.0, 0.0]), seconds=3.0)
 
     def round_the_tip(x):
         inwards = -x[:2] / np.linalg.norm(x[:2])
@@ -31,7 +31,7 @@ def test_a_body_that_is_pressed_round_the_tip_of_an_ellipse_enters_nothing(axes,
 @pytest.mark.parametrize("size", [0.02, 0.05, 0.1])
 @pytest.mark.parametrize("known", ["dead reckoning", "accelerating"])
 def test_dead_reckoning_that_is_off_by_all_that_is_reserved_enters_nothing(known, size, period):
-    way = Way(*WALL, np.array([-1.5, 0.0, 0.0, 0.0]), seconds=4.0, size=size)
+    way = Start(*WALL, np.array([-1.5, 0.0, 0.0, 0.0]), seconds=4.0, size=size)
     drawn = PLAIN._replace(known=known, period=period)
     least, silent = proposition.follow(drawn, way, lambda x: np.array([5.0, 0.0]))
     assert not silent
@@ -46,14 +46,14 @@ def test_what_u_can_stop_is_stopped(away, speed, period):
     spare = away - speed**2 / (2.0 * 5.0)
     assert spare > 0.0
     for region in (WALL, (Disc("disc", 1, (0.5, 0.0), 0.5), 1, (0.5, 0.0, 0.5))):
-        way = Way(*region, np.array([-away, 0.0, speed, 0.0]), seconds=3.0)
+        way = Start(*region, np.array([-away, 0.0, speed, 0.0]), seconds=3.0)
         drawn = PLAIN._replace(period=period)
         least, silent = proposition.follow(drawn, way, lambda x: np.array([5.0, 0.0]))
         assert least >= 0.0
         assert not silent
 
 
-def test_random_scenes_are_entered_only_with_a_word():
+def test_random_scenes_are_entered_only_with_a_report():
     found = [proposition.walk(seed, 20) for seed in range(3)]
     assert sum(one["silent"] for one in found) == 0
-    assert sum(one["entered"] for one in found) < sum(one["said"] for one in found)
+    assert sum(one["entered"] for one in found) < sum(one["reported"] for one in found)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks import proposition
 from benchmarks.judges import squares
-from benchmarks.suites import proposition
 from hcbf_robots.maps import Grid
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 

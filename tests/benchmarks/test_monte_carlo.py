@@ -9,14 +9,8 @@ from hcbf_gym.errors import InvalidInputError, UnknownNameError
 
 
 def arguments(folder, **changes):
-    settings = {
-        "episodes": 5,
-        "chunk": 2,
-        "policies": ("pd",),
-        "programs": ("r 5", "lex"),
-        "workers": 1,
-    }
-    return command.Args(output=folder, **(settings | changes))
+    few = {"episodes": 5, "chunk": 2, "policies": ("pd",), "programs": ("r 5", "lex"), "workers": 1}
+    return command.Args(output=folder, **(few | changes))
 
 
 def test_a_broken_run_resumes_and_ends_with_the_same_result(tmp_path):

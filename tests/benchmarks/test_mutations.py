@@ -1,4 +1,4 @@
-"""Bent inputs are refused with the package's errors, or make sense."""
+"""Malformed inputs are refused with the package's errors, or make sense."""
 
 import numpy as np
 import pytest
@@ -22,32 +22,32 @@ RECORDS = {
 
 @settings(deadline=None, max_examples=200)
 @given(st.sampled_from(sorted(RECORDS)), st.integers(0, 2**32 - 1))
-def test_a_bent_record_is_read_or_refused_with_the_package_s_error(name, seed):
+def test_a_mutated_record_is_read_or_refused_with_the_package_s_error(name, seed):
     read, data = RECORDS[name]
-    bent = mutations.bent(data, np.random.default_rng(seed))
-    assert repr(bent) != repr(data) or name == "scenario"  # None may be replaced by None
-    told, message = mutations.judge(lambda _: read(bent), np.random.default_rng(0))
-    assert told in ("refused", "accepted"), message
+    changed = mutations.mutated(data, np.random.default_rng(seed))
+    assert repr(changed) != repr(data) or name == "scenario"  # None may be replaced by None
+    outcome, message = mutations.judge(lambda _: read(changed), np.random.default_rng(0))
+    assert outcome in ("refused", "accepted"), message
 
 
 @pytest.mark.parametrize("kind", sorted(mutations.CASES))
-def test_bent_inputs_are_refused_or_make_sense(kind, tmp_path, monkeypatch):
+def test_malformed_inputs_are_refused_or_make_sense(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # where MuJoCo leaves a log of its warnings
-    told = set()
+    seen = set()
     for seed in range(12):
         outcome, message = mutations.judge(mutations.CASES[kind], mutations.generator(kind, seed))
         assert outcome not in mutations.WRONG, f"seed {seed}: {message}"
-        told.add(outcome)
-    assert told == {"refused", "accepted"}
+        seen.add(outcome)
+    assert seen == {"refused", "accepted"}
 
 
-def test_a_bent_robot_file_differs():
+def test_a_mutated_robot_file_differs():
     text = a1.XML_FILE.read_text(encoding="utf-8")
-    files = {mutations.bent_xml(text, np.random.default_rng(seed)) for seed in range(20)}
+    files = {mutations.mutated_xml(text, np.random.default_rng(seed)) for seed in range(20)}
     assert text not in files
 
 
-def test_the_judge_tells_refusals_raw_errors_and_hangs_apart(monkeypatch):
+def test_refusals_raw_errors_and_hangs_are_distinguished(monkeypatch):
     def refuse(_rng):
         raise InvalidInputError("got, expected")
 
@@ -63,5 +63,5 @@ def test_the_judge_tells_refusals_raw_errors_and_hangs_apart(monkeypatch):
 
     monkeypatch.setattr(mutations, "SECONDS", 0.05)
     cases = (refuse, break_down, hang, diverge, lambda _: None)
-    told = [mutations.judge(case, np.random.default_rng(0))[0] for case in cases]
-    assert told == ["refused", "raw error", "hang", "nonsense", "accepted"]
+    seen = [mutations.judge(case, np.random.default_rng(0))[0] for case in cases]
+    assert seen == ["refused", "raw error", "hang", "nonsense", "accepted"]

@@ -12,23 +12,9 @@ from hcbf_gym import certificates
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 
 PAGE = "before\n<!-- results: course/all -->\nold\n<!-- end of results -->\nafter\n"
-ROW = {
-    "env": "HCBF-A1Regions-v0",
-    "scenario": "paper-simulation",
-    "policy": "pd",
-    "program": "none",
-    "episodes": 1,
-    "min_h": [0.125, 1.0, 1.0, -1.0],
-    "violation_seconds": [0.0, 0.0, 0.0, 2.0],
-    "tracking_rms": 0.0,
-    "final_error": 0.0,
-    "intervention_rms": 0.0,
-    "fell": 0.0,
-    "reached": 1.0,
-    "deadlock_share": 0.0,
-    "outside_steps": 0,
-    "status_counts": {"VIOLATED": 0, "UNSAFE": 0, "BACKUP": 0},
-}
+ROOT = Path(publishing.__file__).parents[1]
+COURSE = json.loads((ROOT / "docs/results/course.json").read_text(encoding="utf-8"))
+ROW = COURSE["figures"]["rows"][0] | {"min_h": [0.125, 1.0, 1.0, -1.0]}
 
 
 @pytest.fixture
@@ -66,7 +52,7 @@ def test_results_say_what_they_came_from_and_are_listed_when_their_sources_chang
     assert publishing.stale(checkout) == ["course"]
 
 
-def test_a_page_that_names_what_is_not_there_is_refused_and_no_page_changes(checkout):
+def test_a_page_that_names_missing_figures_is_refused_and_no_page_changes(checkout):
     with pytest.raises(InvalidInputError, match=r"course\.json"):
         publishing.fill(checkout)
     publishing.publish(checkout, "course", {"rows": [ROW]})
@@ -89,22 +75,15 @@ def test_a_table_that_awaits_its_figures_stays_until_they_are_published(checkout
         publishing.fill(checkout)
 
 
-def test_figures_that_lack_what_a_table_shows_are_refused_by_the_suites_name(checkout):
-    incomplete = {key: value for key, value in ROW.items() if key != "min_h"}
-    publishing.publish(checkout, "course", {"rows": [incomplete]})
-    with pytest.raises(InvalidInputError, match=r"course\.json without .*min_h.*--suite course"):
+def test_figures_that_lack_what_a_table_shows_are_refused_before_a_run(checkout):
+    publishing.publish(checkout, "course", {"rows": [{"program": "none"}]})
+    with pytest.raises(InvalidInputError, match=r"course\.json without .*--suite course"):
         publishing.fill(checkout)
-    with pytest.raises(SystemExit, match="--suite course --publish"):
-        main(["--check", "--root", str(checkout)])
+    arguments = ["--suite", "soak", "--publish", "--output", str(checkout / "out")]
+    for options in (["--check"], arguments):
+        with pytest.raises(SystemExit, match="--suite course --publish"):
+            main([*options, "--root", str(checkout)])
     assert (checkout / "README.md").read_text() == PAGE
-
-
-def test_a_run_whose_pages_could_not_be_filled_is_refused_before_it_starts(checkout):
-    incomplete = {key: value for key, value in ROW.items() if key != "min_h"}
-    publishing.publish(checkout, "course", {"rows": [incomplete]})
-    arguments = ["--suite", "soak", "--publish", "--root", str(checkout)]
-    with pytest.raises(SystemExit, match=r"course\.json without .*min_h"):
-        main([*arguments, "--output", str(checkout / "out")])
     assert not (checkout / "out").exists()
     publishing.check_results(checkout, but=["course"])
 
@@ -129,10 +108,9 @@ def test_the_sources_of_a_suite_are_those_it_imports_and_those_it_loads_by_name(
 
 @pytest.mark.parametrize("page", ["guarantees.md", "certificates.md"])
 def test_pages_show_the_certificates_and_what_they_cover(page):
-    root = Path(publishing.__file__).parents[1]
-    text = (root / "docs" / page).read_text(encoding="utf-8")
-    assert publishing.certified(root, text) == text
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert publishing.certified(ROOT, text) == text
     if page == "guarantees.md":
         assert all(f"| {name} |" in text for name in certificates.shipped())
     with pytest.raises(InvalidInputError, match="no/such"):
-        publishing.certified(root, "<!-- coverage: no/such.json -->\n<!-- end of coverage -->")
+        publishing.certified(ROOT, "<!-- coverage: no/such.json -->\n<!-- end of coverage -->")

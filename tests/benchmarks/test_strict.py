@@ -18,7 +18,7 @@ def test_calm_seeds_are_those_whose_environment_starts_in_no_region():
     assert len(calm) < len(every)
 
 
-def test_the_lines_are_at_least_as_many_episodes_as_the_page_says():
+def test_the_lines_are_at_least_as_many_episodes_as_the_page_states():
     counts = {}
     for line in lines.LINES:
         counts.setdefault((line.section, line.name), len(line.episodes(quick=False)))
@@ -64,19 +64,19 @@ def test_an_estimate_s_error_and_consistency_are_reported():
 
 
 @pytest.mark.physics
-def test_a_robot_pushed_into_a_strict_region_says_so_and_comes_out():
+def test_a_robot_pushed_into_a_strict_region_reports_it_and_comes_out():
     outcome = pushed.PushedEpisode("lex-cbf-qp", "pd", 1).run()
     assert outcome.near <= pushed.NEAR
     assert outcome.inside > 0
-    assert outcome.told == outcome.inside
+    assert outcome.reported == outcome.inside
     assert outcome.depth > 0.0
     assert outcome.seconds <= pushed.OUT_WITHIN
     assert not outcome.fell
 
 
-def test_late_exits_untold_steps_and_falls_are_counted():
-    good = pushed.PushedOutcome(near=0.1, depth=0.3, inside=50, told=50, seconds=1.0, fell=False)
-    bad = pushed.PushedOutcome(near=0.1, depth=0.9, inside=150, told=149, seconds=3.0, fell=True)
+def test_late_exits_unreported_steps_and_falls_are_counted():
+    good = pushed.PushedOutcome(0.1, 0.3, inside=50, reported=50, seconds=1.0, fell=False)
+    bad = pushed.PushedOutcome(0.1, 0.9, inside=150, reported=149, seconds=3.0, fell=True)
     row = pushed.summary([good, bad])
     assert (row["entered"], row["late"], row["falls"]) == (2, 1, 1)
     assert (row["steps_inside"], row["told"]) == (200, 199)

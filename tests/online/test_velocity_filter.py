@@ -60,7 +60,7 @@ def test_guidance_takes_a_cart_without_commands_through_a_gap_as_wide_as_it_need
     scene = wall_with_a_gap(width, center)
     safe = VelocityFilter(walker, scene, period=0.05, guidance="geodesic", goal=goal)
     while cart.time < 30.0:
-        pose, twist = cart.says()
+        pose, twist = cart.odometry()
         _, report = safe.step((0.0, 0.0), pose, twist, cart.time)
         least = min(least, report["h"].min())
         end = cart.time + 0.05

@@ -9,9 +9,7 @@ step whose status is none of VIOLATED, UNSAFE and BACKUP.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
-from rich.console import Console
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import (
@@ -24,8 +22,6 @@ from hcbf_gym.barriers import (
     LinearClassK,
     LogClassK,
 )
-from hcbf_gym.evaluation.statistics import BOUNDED, counted
-from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filter.planar_core import PlanarCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Ball, Box
@@ -34,17 +30,12 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 
 SHAPES = ("wall", "disc", "ellipse", "polygon", "capsule")
-TOGETHER = 500
-"""Scenes of one draw of U, T, α, body and covariance."""
 SECONDS = 5.0
-LOOK = 1e-3
-"""Between two looks [s]."""
-ROUNDING = 1e-9
-"""What counts as not entered [m]."""
+LOOK = 1e-3  # Between two looks [s]
+ROUNDING = 1e-9  # What counts as not entered [m]
 CORNERS = 5
 WIDTH = 2 + 2 * CORNERS
-DIRECTIONS = 8
-"""In which the robot may be off."""
+DIRECTIONS = 8  # In which the robot may be off
 FAR = 0.5
 """[m], more than any body: a region that stays so far away for a whole hold is looked at once."""
 
@@ -114,27 +105,17 @@ def least_while_held(
     """Return the least distance (N,) from any region, seen from all places where the robot may be.
 
     Of regions that stay farther away than `FAR` a lower bound of it is taken.
-
-    Args:
-        kind: (m,) of `SHAPES`.
-        numbers: (N, m, WIDTH).
-        velocity: (N, m, 2) of their frames [m/s].
-        x: (N, 4) the states that the rows read.
-        u: (N, 2) inputs.
-        t: time [s].
-        period: T [s].
-        spread: (looks + 1, 2, 2) what a unit vector is multiplied by to be an error [m].
     """
     looks = len(spread) - 1
     s = period * np.arange(looks + 1)[:, None] / looks
     angle = 2.0 * np.pi * np.arange(DIRECTIONS if spread.any() else 1) / DIRECTIONS
     errors = np.column_stack([np.cos(angle), np.sin(angle)]) @ spread.transpose(0, 2, 1)
     widest = np.sqrt((spread**2).sum(axis=(1, 2)).max())
-    way = period * (np.hypot(x[:, 2], x[:, 3]) + 0.5 * period * np.hypot(u[:, 0], u[:, 1]))
+    travel = period * (np.hypot(x[:, 2], x[:, 3]) + 0.5 * period * np.hypot(u[:, 0], u[:, 1]))
     least = np.full(len(x), np.inf)
     for k, shape in enumerate(kind.tolist()):
         c, w = numbers[:, k], velocity[:, k]
-        bound = distance(shape, c, *(x[:, :2] - w * t).T) - way - widest
+        bound = distance(shape, c, *(x[:, :2] - w * t).T) - travel - widest
         bound -= period * np.hypot(w[:, 0], w[:, 1])
         far = bound > FAR  # distances change no faster than places
         least[far] = np.minimum(least[far], bound[far])
@@ -149,31 +130,18 @@ def least_while_held(
 
 
 class Draw(NamedTuple):
-    """What the scenes of one batch share.
+    """What the scenes of one batch share."""
 
-    Attributes:
-        period: T [s].
-        alpha1: α₁.
-        alpha2: α₂'s gain [1/s].
-        input_set: U.
-        body: ρ [m].
-        distance: d [m].
-        known: how the covariance grows: "exact", "constant", "dead reckoning", "accelerating".
-        kinds: (m,) of `SHAPES`.
-        moving: whether regions move.
-        program: its name.
-    """
-
-    period: float
-    alpha1: Any
-    alpha2: float
-    input_set: Any
-    body: float
-    distance: float
-    known: str
-    kinds: tuple[int, ...]
-    moving: bool
-    program: str
+    period: float  # T [s]
+    alpha1: Any  # α₁
+    alpha2: float  # α₂'s gain [1/s]
+    input_set: Any  # U
+    body: float  # ρ [m]
+    distance: float  # d [m]
+    known: str  # how the covariance grows: "exact", "constant", "dead reckoning", "accelerating"
+    kinds: tuple[int, ...]  # (m,) of `SHAPES`
+    moving: bool  # whether regions move
+    program: str  # its name
 
 
 KNOWN = ("exact", "constant", "dead reckoning", "accelerating")
@@ -238,14 +206,7 @@ def region(kind: int, rng: np.random.Generator, moving: bool) -> tuple[Any, Arra
 
 
 def covariance(known: str, t: float, size: float, shape: Array) -> Array:
-    """Return P (4, 4) of the state at the time t, whose own errors grow as its model says.
-
-    Args:
-        known: as `Draw` has it.
-        t: [s].
-        size: of the errors of velocity [m/s].
-        shape: (2, 2) positive definite, their form.
-    """
+    """Return P (4, 4) of the state at the time t, whose own errors grow as in its model."""
     out = np.zeros((4, 4))
     if known == "exact":
         return out
@@ -263,44 +224,29 @@ def covariance(known: str, t: float, size: float, shape: Array) -> Array:
     return out
 
 
-class Way(NamedTuple):
-    """One robot beside one region.
+class Start(NamedTuple):
+    """One robot beside one region."""
 
-    Attributes:
-        region: the package's.
-        kind: of `SHAPES`.
-        numbers: as `distance` reads them.
-        start: (4,) [m] and [m/s].
-        seconds: how long it is followed.
-        size: of the errors of velocity [m/s].
-    """
-
-    region: Any
-    kind: int
-    numbers: tuple[float, ...]
-    start: Array
-    seconds: float
-    size: float = 0.0
+    region: Any  # the package's
+    kind: int  # of `SHAPES`
+    numbers: tuple[float, ...]  # as `distance` reads them
+    start: Array  # (4,) [m] and [m/s]
+    seconds: float  # how long it is followed
+    size: float = 0.0  # of the errors of velocity [m/s]
 
 
-def follow(d: Draw, way: Way, policy: Callable[[Array], Array]) -> tuple[float, bool]:
-    """Return the least distance of the body from the region, and whether that was kept silent.
-
-    Args:
-        d: of the filter; `kinds` and `moving` are not read.
-        way: of the robot.
-        policy: x (4,) → u*.
-    """
-    core = _core(d, [way.region], None)
-    numbers, x = np.zeros((1, 1, WIDTH)), way.start[None].astype(np.float64)
-    numbers[0, 0, : len(way.numbers)] = way.numbers
+def follow(d: Draw, at: Start, policy: Callable[[Array], Array]) -> tuple[float, bool]:
+    """Return the least distance of the body from the region, and whether no status reported it."""
+    core = _core(d, [at.region], None)
+    numbers, x = np.zeros((1, 1, WIDTH)), at.start[None].astype(np.float64)
+    numbers[0, 0, : len(at.numbers)] = at.numbers
     silent, nearest = False, np.inf
-    kinds, still, shape = np.array([way.kind]), np.zeros((1, 1, 2)), np.eye(2)
-    for step in range(round(way.seconds / d.period)):
+    kinds, still, shape = np.array([at.kind]), np.zeros((1, 1, 2)), np.eye(2)
+    for step in range(round(at.seconds / d.period)):
         t = step * d.period
-        known = None if d.known == "exact" else covariance(d.known, t, way.size, shape)
-        u, report = core.step(policy(x[0]), [way.region], Estimate(x[0], t, known))
-        spreads = _spreads(d, t, way.size, shape, shape)
+        known = None if d.known == "exact" else covariance(d.known, t, at.size, shape)
+        u, report = core.step(policy(x[0]), [at.region], Estimate(x[0], t, known))
+        spreads = _spreads(d, t, at.size, shape, shape)
         seen = least_while_held(kinds, numbers, still, x, u[None], t, d.period, spreads)
         least = float(seen[0]) - d.body
         nearest = min(nearest, least)
@@ -336,118 +282,47 @@ def _moved(x: Array, u: Array, period: float) -> Array:
     return np.hstack([position, x[:, 2:] + period * u])
 
 
-def walk(
-    seed: int, count: int = TOGETHER, drawn: Draw | None = None, rest: float = 0.5
-) -> dict[str, Any]:
-    """Run the scenes of one batch for `SECONDS`, attacked, and return what was entered.
-
-    Args:
-        seed: decides all.
-        count: how many scenes.
-        drawn: what they share; None draws it.
-        rest: the share that starts at rest.
-    """
+def walk(seed: int, count: int) -> dict[str, int]:
+    """Attack the scenes of one batch for `SECONDS`; return in how many something was seen."""
     rng = np.random.default_rng(seed)
-    d = draw(rng) if drawn is None else drawn
+    d = draw(rng)
     made = [[region(kind, rng, d.moving) for kind in d.kinds] for _ in range(count)]
-    numbers = np.array([[one[1] for one in scene] for scene in made])
-    velocity = np.array([[one[2] for one in scene] for scene in made])
+    numbers, velocity = (np.array([[one[k] for one in scene] for scene in made]) for k in (1, 2))
     listed = tuple(tuple(one[0] for one in scene) for scene in made)
-    scenes = BarrierSet(listed)
-    kinds = np.array(d.kinds)
-    core = _core(d, listed, count)
+    scenes, kinds, core = BarrierSet(listed), np.array(d.kinds), _core(d, listed, count)
     x = np.zeros((count, 4))
     x[:, :2] = rng.normal(0.0, 0.4, (count, 2))
-    x[:, 2:] = rng.normal(0.0, 0.6, (count, 2)) * (rng.random((count, 1)) >= rest)
+    x[:, 2:] = rng.normal(0.0, 0.6, (count, 2)) * (rng.random((count, 1)) >= 0.5)
     size = 0.15 * rng.random() if d.known != "constant" else 0.5 * rng.random()
-    stretch = rng.uniform(0.2, 1.0)
-    turn = rng.uniform(0.0, np.pi)
+    stretch, turn = rng.uniform(0.2, 1.0), rng.uniform(0.0, np.pi)
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    shape = axes.T @ np.diag([1.0, stretch]) @ axes
-    root_shape = axes.T @ np.diag([1.0, np.sqrt(stretch)]) @ axes
+    shape, root = (axes.T @ np.diag([1.0, one]) @ axes for one in (stretch, np.sqrt(stretch)))
     core.restart(np.ones(count, dtype=np.bool_))
-    style = rng.integers(0, 4, count)
-    sign, corner = np.ones(count), np.zeros((count, 2))
-    entered = np.zeros(count, dtype=np.bool_)
-    silent, silent_ever = entered.copy(), entered.copy()
-    said = entered.copy()
-    depth, violated, deepest = 0.0, 0, np.inf
-    radius, steps = d.input_set.radius, int(SECONDS / d.period)
-    for step in range(steps):
+    style, every = rng.integers(0, 4, count)[:, None], np.arange(count)
+    sign, corner = np.ones((count, 1)), np.zeros((count, 2))
+    entered, silent, reported = np.zeros((3, count), dtype=np.bool_)
+    radius = d.input_set.radius
+    for step in range(int(SECONDS / d.period)):
         t = step * d.period
-        known = covariance(d.known, t, size, shape)
-        estimate = Estimate(
-            x, np.full(count, t), None if d.known == "exact" else np.broadcast_to(
-                known, (count, 4, 4)
-            ).copy(),
-        )  # fmt: skip
+        known = np.tile(covariance(d.known, t, size, shape), (count, 1, 1))
+        estimate = Estimate(x, np.full(count, t), None if d.known == "exact" else known)
         h, sensed = scenes.sense(x, np.full(count, t))
-        order = np.argsort(h, axis=1)
-        every = np.arange(count)
-        normal = sensed[every, order[:, 0], 1:3]
+        normal = sensed[every, h.argmin(axis=1), 1:3]
         sign[rng.random(count) < d.period / 0.7] *= -1.0
         changes = rng.random(count) < d.period / 0.3
         corner[changes] = radius * rng.choice([-1.0, 1.0], (int(changes.sum()), 2))
-        tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
-        wanted = np.where(style[:, None] == 1, -radius * normal, corner)
-        along = radius * (sign[:, None] * tangent - normal)
-        wanted = np.where(style[:, None] == 2, along, wanted)
-        wanted = np.where(style[:, None] == 3, radius * sign[:, None] * normal, wanted)
+        along = sign * np.column_stack([-normal[:, 1], normal[:, 0]]) - normal
+        pushes = [corner, -radius * normal, radius * along, radius * sign * normal]
+        wanted = np.choose(style, pushes)
         if step == 0:
             core.begin(listed, estimate, None, None)
         u, report = core.step(wanted, listed, estimate)
-        status = np.array(report["status"])
-        bad = np.isin(status, [FilterStatus.VIOLATED, FilterStatus.UNSAFE, FilterStatus.BACKUP])
-        violated += int(bad.sum())
-        said |= bad
-        u = np.array(u)
-        spreads = _spreads(d, t, size, shape, root_shape)
+        bad = np.array(report["status"]) >= FilterStatus.VIOLATED
+        reported |= bad
+        spreads = _spreads(d, t, size, shape, root)
         least = least_while_held(kinds, numbers, velocity, x, u, t, d.period, spreads) - d.body
-        inside = least < -ROUNDING
-        silent |= inside & ~bad
-        silent_ever |= inside & ~said
-        entered |= inside
-        quiet = inside & ~bad
-        if quiet.any():
-            deepest = min(deepest, float(least[quiet].min()))
-        depth = min(depth, float(least.min()))
-        x = _moved(x, u, d.period)
-    return {
-        "draw": d,
-        "seed": seed,
-        "scenes": count,
-        "steps": count * steps,
-        "said": int(said.sum()),
-        "violated": violated,
-        "entered": int(entered.sum()),
-        "silent": int(silent.sum()),
-        "silent_ever": int(silent_ever.sum()),
-        "deepest": deepest,
-        "depth": depth,
-    }
-
-
-def run(quick: bool) -> dict[str, Any]:
-    """Run batches of scenes, print and return what was entered in them."""
-    batches, count = (4, 50) if quick else (200, TOGETHER)
-    walk_one = joblib.delayed(walk)
-    found: Any = joblib.Parallel(n_jobs=-1)(walk_one(1000 + i, count) for i in range(batches))
-    keys = "scenes", "steps", "said", "violated", "entered", "silent"
-    figures = {"proposition": {key: sum(one[key] for one in found) for key in keys}}
-    Console(width=160).print(tables(figures)["proposition"].rich())
-    return figures
-
-
-def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the one table, of one line."""
-    r = figures["proposition"]
-    header = (
-        "scenes", "steps", "steps VIOLATED, UNSAFE or BACKUP", "scenes with one",
-        "entered", f"entered in another step ({BOUNDED})",
-    )  # fmt: skip
-    line = (
-        f"{r['scenes']:,}", f"{r['steps']:,}", f"{r['violated']:,}", f"{r['said']:,}",
-        f"{r['entered']:,}", counted(r["silent"], r["scenes"]),
-    )  # fmt: skip
-    title = f"{SECONDS:g} s a scene, half of them begun in motion, looked at at 1 kHz"
-    return {"proposition": Table(title, header, [line])}
+        silent |= (least < -ROUNDING) & ~bad
+        entered |= least < -ROUNDING
+        x = _moved(x, np.array(u), d.period)
+    found = {"reported": reported, "entered": entered, "silent": silent}
+    return {name: int(seen.sum()) for name, seen in found.items()}

@@ -1,0 +1,97 @@
+"""Studies in small: what their pages state holds, and what they measure is what they name."""
+
+import numpy as np
+import pytest
+from needs import needs
+
+from benchmarks import map_guidance, refute, uncertain
+from benchmarks.suites import estimation, held_rows
+from benchmarks.unmeasured import FAULTS, FLEET, WITHIN, cases, honest
+from hcbf_robots.maps import MapClass, RankedMap
+
+
+@pytest.mark.parametrize("name", refute.CLAIMS)
+def test_no_claim_of_the_pages_is_refuted(name):
+    looked, worst, _ = refute.search(name, 6, 80, 4)
+    assert looked >= 50
+    assert worst < -refute.ROUNDING if name in refute.CORRECTED else worst >= -refute.ROUNDING
+
+
+@needs("jax")  # of vehicles and the own model
+@pytest.mark.parametrize("error", uncertain.ERRORS)
+@pytest.mark.parametrize("name", uncertain.NAMES)
+@pytest.mark.filterwarnings("ignore")
+def test_with_wrong_estimates_no_region_is_entered_under_a_calm_status(name, error):
+    count = uncertain.run(uncertain.cases()[name], error, steps=2000, seed=0)
+    assert count.entered == 0
+    assert count.calm > 0.6 * count.steps
+    assert count.least < 1.0  # the policy does drive at the regions
+
+
+@pytest.mark.parametrize("policy", held_rows.POLICIES)
+def test_under_held_rows_no_policy_passes_a_strict_barrier(policy):
+    result = held_rows.walk_all("random-moving", policy, "held", 10)
+    assert (result["entered"], result["violated"]) == (0, 0)
+    assert result["gap"] < 1e-12  # what is followed here is what the environment did
+    assert result["least_speed_h"] >= 0.0
+    assert set(held_rows.tables({"held_rows": [result]})) == {"held-rows"}
+
+
+def test_the_usual_rows_let_pd_pass_the_speed_limit_between_samples():
+    assert held_rows.walk_all("random", "pd", "usual", 10)["least_speed_h"] < 0.0
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("name", ["TurtleBot 4", "omni"])
+def test_a_fault_on_wheels_is_reported_within_2_s_of_driving_and_stops_the_robot(name, fault):
+    for one in cases(name, fault, 4):
+        assert one.after <= WITHIN
+        assert one.stops
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_no_robot_without_a_fault_is_reported():
+    assert honest(len(FLEET), 20.0) == []
+
+
+def test_a_corridor_is_walked_and_a_zone_left_on_the_path_of_the_field():
+    floor, (start, goal) = map_guidance.corridor(0.0)
+    zone = np.zeros(floor.grid.shape, dtype=np.bool_)
+    column = round(floor.grid.to_cells(start[None])[0, 0])
+    zone[:, : column + 10] = True  # from the start half a metre towards the goal
+    zoned = RankedMap(floor.grid, (*floor.classes, MapClass("zone", 2, "keepout", zone)))
+    through = map_guidance.walk(floor, "rom", tuple(start), tuple(goal))
+    assert through.arrived
+    assert (through.entered, through.out, through.length) == (False, 0.0, 0.0)
+    left = map_guidance.walk(zoned, "rom", tuple(start), tuple(goal), until_out=True)
+    assert left.length == pytest.approx(0.5, abs=0.1)
+    assert 0.0 < left.out < 5.0
+
+
+def walks(scale, n=50, steps=200):
+    rng = np.random.default_rng(0)
+    nees = scale * rng.chisquare(4, (n, steps))
+    return [estimation.Walk(np.full(steps, 4e-4), np.full(steps, 9e-4), row, False) for row in nees]
+
+
+def test_honest_covariances_are_in_the_band_and_others_are_not():
+    assert estimation._row("honest", walks(1.0))["share_inside"] == pytest.approx(0.95, abs=0.04)
+    assert estimation._row("overconfident", walks(2.0))["share_inside"] < 0.05
+    assert estimation._row("cautious", walks(0.5))["share_inside"] < 0.05
+
+
+def test_an_episode_with_a_fall_counts_as_a_fall_alone():
+    fallen = estimation.Walk(np.full(7, 100.0), np.full(7, 100.0), np.full(7, 100.0), True)
+    row = estimation._row("mixed", [*walks(1.0, n=3), fallen])
+    assert (row["fell"], row["episodes"]) == (1, 4)
+    assert row["position_rms"] == pytest.approx(0.02)
+    assert estimation.tables({"rows": [row]})["all"].rows[0][1] == "2.00 cm"
+
+
+@pytest.mark.physics
+def test_a_walk_reports_every_step():
+    (walk,) = estimation.walk({"drift": 0.01}, [0], steps=20)
+    assert len(walk.position) == len(walk.velocity) == len(walk.nees) == 20
+    assert not walk.fell
+    assert (walk.nees > 0.0).all()
