@@ -27,7 +27,7 @@ U = Box.symmetric(5.0)
 RADIUS = float(U.radius)
 SETTINGS = RowSettings(period=0.02, u_max=RADIUS, limits=((-5.0, -5.0), (5.0, 5.0)))
 STANDARD = ("algorithm", "array", "cmath", "cstddef", "cstdint", "cstdlib", "cstring", "limits",
-            "utility", "vector")  # fmt: skip
+            "optional", "utility", "vector")  # fmt: skip
 LIBRARIES = "libnvrtc-builtins", "libnvrtc"  # the second looks for the first
 THREADS, RUNS = 128, 21  # of a block, and whose median counts
 

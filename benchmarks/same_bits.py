@@ -34,7 +34,6 @@ PERIOD = 0.05
 REGIONS = "HCBF-Regions-v0"
 
 
-
 @dataclass
 class Record:
     """Drive filtered environments, and write what they did.
