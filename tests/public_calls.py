@@ -40,6 +40,9 @@ ROOMS = (
 """Whose `__all__` is public."""
 
 
+INTERNAL = ("kinks",)  # what a filter passes to general rows
+
+
 class Call(NamedTuple):
     """A good call.
 
@@ -52,15 +55,14 @@ class Call(NamedTuple):
     given: Mapping[str, Any]
 
     def places(self) -> list[str]:
-        """Return the names of its arguments: the given ones, and those with a default.
-
-        `kinks` of general rows is what the filter computed itself.
-        """
+        """Return the names of its arguments: the given ones, and those with a default."""
         if self.of.__name__ == "<lambda>":
             return list(self.given)
         found = inspect.signature(self.of).parameters.values()
         defaults = [one.name for one in found if one.default is not inspect.Parameter.empty]
-        return list(dict.fromkeys([*self.given, *(name for name in defaults if name != "kinks")]))
+        return list(
+            dict.fromkeys([*self.given, *(name for name in defaults if name not in INTERNAL)])
+        )
 
 
 def given(**arguments: Any) -> dict[str, Any]:
@@ -432,7 +434,9 @@ def calls() -> dict[str, Call]:
         ),
         "LearnedPolicy()": Call(net.__call__, given(observation=np.zeros(net.mean.shape), info={})),
         "Geodesic": Call(guidance.Geodesic, given(count=1, through=0, cell=0.1)),
-        "Geodesic.reset": Call(guidance.Geodesic().reset, given(barriers=[DISC], goal=(4.0, 0.0))),
+        "Geodesic.reset": Call(lambda **o: guidance.Geodesic().reset(**o), given(
+            barriers=[DISC], goal=(4.0, 0.0), extent=None, clearance=0.0, start=(0.0, 0.0),
+        )),
         "Local": Call(guidance.Local, given(count=1)),
         "Walker.load": Call(Walker.load, given(path="cart")),
         "input_sets.read": Call(input_sets.read, given(

@@ -91,7 +91,9 @@ def test_a_port_that_is_taken_is_refused_when_requested(session, taken):
         (["--program", "no-such"], "unknown program"),
     ],
 )
-def test_the_command_ends_in_one_line_before_anything_is_served(tmp_path, arguments, message):
+def test_the_command_ends_in_one_line_before_anything_is_served(
+    tmp_path, arguments, message, capsys
+):
     (tmp_path / "broken.json").write_text("{")
     (tmp_path / "deep.json").write_text("[" * 100_000)
     flat = {"kind": "disc", "name": "flat", "priority": 1, "center": [0.0, 5.0], "radius": 0.0}
@@ -101,8 +103,9 @@ def test_the_command_ends_in_one_line_before_anything_is_served(tmp_path, argume
     given = [argument.format(folder=tmp_path) for argument in arguments]
     with pytest.raises(SystemExit) as ended:
         cli.main(["play", "--model", "reduced", *given])
-    assert message in str(ended.value)
-    assert "\n" not in str(ended.value)
+    error = f"{ended.value}\n{capsys.readouterr().err}".removeprefix("2\n").strip()
+    assert message in error
+    assert "\n" not in error
 
 
 def test_the_command_prints_where_the_page_is_when_its_usual_port_is_taken(
