@@ -32,7 +32,7 @@ MOST = {
 """Of each path so many files and functions."""
 
 
-class Reached(Exception):
+class ReachedError(Exception):
     """The end of a path."""
 
 
@@ -43,7 +43,7 @@ class End(gym.Wrapper):
 
     def step(self, action):
         if self.is_end:
-            raise Reached
+            raise ReachedError
         return super().step(action)
 
 
@@ -90,7 +90,7 @@ def steered():
 
 
 def end(*_):
-    raise Reached
+    raise ReachedError
 
 
 STEPS = {
@@ -112,7 +112,7 @@ def python_functions(last):
 
     sys.setprofile(note)
     try:
-        with contextlib.suppress(Reached):
+        with contextlib.suppress(ReachedError):
             last()
     finally:
         sys.setprofile(None)
@@ -135,7 +135,7 @@ def counting_core(tmp_path_factory):
 
 
 def core_functions(folder, path):
-    """Return the functions of the core that the last step of a path calls, as (file, line, name)."""
+    """Return the functions of the core that the last step of a path calls: (file, line, name)."""
     before, after = (calls(folder, path, last) for last in ("", "last"))
     return sorted(key for key, count in after.items() if count != before[key])
 
@@ -207,7 +207,7 @@ def run(folder, path, last):
     spec.loader.exec_module(core)
     step = STEPS[path]()
     if last:
-        with contextlib.suppress(Reached):
+        with contextlib.suppress(ReachedError):
             step()
 
 
