@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = tuple(str(ROOT / name) + os.sep for name in ("hcbf_gym", "hcbf_robots", "hcbf_lab"))
 ARRAYS = {"arrays.hpp", "matrices.hpp", "bindings.hpp", "records.hpp"}
 MOST = {
-    "u* to u": {"Python": (13, 25), "core": (25, 107)},
+    "u* to u": {"Python": (13, 25), "core": (19, 109)},
     "NaN to brake": {"Python": (14, 27), "core": (25, 101)},
     "u to torque": {"Python": (11, 16), "core": (17, 45)},
 }

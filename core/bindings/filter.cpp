@@ -69,7 +69,7 @@ class Filter {
   // Checks the states of any model, raises alarms, and writes braking inputs; returns whether u* is finite.
   bool sense(ModelStep& step, bool parts) {
     for (Index i = 0; i < plants_.reports.size; ++i)
-      if (!step::is_finite({plants_.reports.tail(i), plants_.n_u})) return false;
+      if (!program_records::are_finite({plants_.reports.tail(i), plants_.n_u})) return false;
     step.sense(plants_.sensed, states_, plants_.reports, parts);
     return true;
   }
@@ -102,12 +102,13 @@ class Filter {
   // Returns what is wrong with the arrays, as `filter`.
   Index check() const { return step::check(constants(), plants_); }
 
-  // Poses the problem of plant i to a solver outside.
-  void pose(Index i) {
+  // Poses the problem of plant i to a solver outside; false where the plant is brought to rest without it.
+  bool pose(Index i) {
     const One p = plants_[i];
-    posing::look(constants(), p);
+    if (!step::is_posed(constants(), program(i), p, rooms_[0])) return false;
     if (atlas_.size > 0) step::find_pieces(constants(), p, atlas_, rooms_[0]);
     posed_ = posing::pose(constants(), program(i), part(i), rooms_[0].work);
+    return true;
   }
 
   // u*, a, b, h, alpha2(psi) and ranks of the rows that were posed, where guidance's comes last.
@@ -219,7 +220,7 @@ void bind_filter(nb::module_& m) {
       .def("make_rows", &Filter::make_rows, "step"_a, "Write margins and rows of built-in barriers.")
       .def("filter", &Filter::filter, "Filter all plants, and return what is to be done.")
       .def("check", &Filter::check, "Return what is wrong with the arrays, as `filter` does.")
-      .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant.")
+      .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant; return False where that is brought to rest without it.")
       .def("problem", &Filter::problem, "Return u*, a, b, h, alpha2(psi) and ranks of the posed problem.")
       .def("answer", &Filter::answer, "Return the arrays of u, slack and delta that a solver writes to.")
       .def("conditions", &Filter::conditions, "i"_a,

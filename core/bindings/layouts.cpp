@@ -102,7 +102,7 @@ RECORD(estimation_tick::Settings, FIELD(model), FIELD(errors), FIELD(legs), FIEL
 RECORD(monitor::Memory, FIELD(error), FIELD(missed), FIELD(exact), FIELD(off), FIELD(samples), FIELD(bend),
        FIELD(in_a_row))
 RECORD(monitor::PlanarMemory, FIELD(drift), FIELD(motion), FIELD(body))
-RECORD(status::Memory, FIELD(news), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
+RECORD(conclusion::Memory, FIELD(change), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
 RECORD(Uncertainty, FIELD(distance), FIELD(per_velocity), FIELD(per_lead), FIELD(cap), FIELD(confidence),
        FIELD(body), FIELD(speed), FIELD(speed_per_velocity))
 template <>
@@ -127,7 +127,7 @@ Fields fields_of<plants::Plant>() {
                    FIELD(alarm), FIELD(moves)};
   put_within(fields, offsetof(Record, watched), fields_of<monitor::Memory>());
   put_within(fields, offsetof(Record, planar), fields_of<monitor::PlanarMemory>());
-  put_within(fields, offsetof(Record, judged), fields_of<status::Memory>());
+  put_within(fields, offsetof(Record, judged), fields_of<conclusion::Memory>());
   return fields;
 }
 

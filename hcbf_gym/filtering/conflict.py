@@ -54,9 +54,8 @@ def conflict_of(
     Returns:
         the report, whose `rows` are indices of the conditions.
     """
-    if asked.check() != DONE:
-        return None  # the last step refused its scene or its input
-    asked.pose(i)
+    if asked.check() != DONE or not asked.pose(i):
+        return None  # the last step refused its scene, its input or its state
     _, a, b, h, _, _ = asked.problem()
     priority, whose = asked.conditions(i)
     there = np.flatnonzero(priority > 0)  # a batch fills up shorter scenes

@@ -42,7 +42,7 @@ from hcbf_gym.filtering.configured import Configured
 from hcbf_gym.filtering.conflict import conflict_of
 from hcbf_gym.filtering.covering import Covering
 from hcbf_gym.filtering.nearness import Nearness
-from hcbf_gym.filtering.plants import COMPARED, NEWS
+from hcbf_gym.filtering.plants import COMPARED, CHANGED
 from hcbf_gym.filtering.report import ReportBuffer
 from hcbf_gym.filtering.samples import Samples
 from hcbf_gym.filtering.scene import SceneReader
@@ -428,7 +428,7 @@ class FilterCore(Configured, ABC):
         self._age_scans()
         is_kept = scene is not before and not (in_place and given.atlas)
         compared = is_kept and not self._rebased and self._looks_back()
-        plants["news"][news] = np.maximum(plants["news"][news], COMPARED if compared else NEWS)
+        plants["change"][news] = np.maximum(plants["change"][news], COMPARED if compared else CHANGED)
         if news.any():
             at = self._samples.x, self._samples.time
             known = self._are_known() & (not self._rebased)

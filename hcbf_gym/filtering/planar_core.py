@@ -98,7 +98,7 @@ class PlanarCore(FilterCore):
         plants = samples.plants
         least = {name: plants[name].copy() for name in ("kept", "headway")}
         samples.restore(before)
-        unseen = plants["news"] != 0  # by any step: what was before that counts, too
+        unseen = plants["change"] != 0  # by any step: what was before that counts, too
         for name, now in least.items():
             plants[name] = np.where(unseen, np.maximum(plants[name], now), now)
         return True

@@ -7,7 +7,7 @@ import numpy as np
 from hcbf_gym.arrays import Array, Records, record_type
 from hcbf_gym.programs.planar.records import Settings
 
-COMPARED, NEWS = 1, 2
+COMPARED, CHANGED = 1, 2
 """What came in unforeseen: barriers that are compared with those before; whatever it is, others, or
 a state after none."""
 

@@ -8,7 +8,7 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
-from hcbf_gym.filtering.bound import DONE
+from hcbf_gym.filtering.bound import ASKS, DONE
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
 
 
@@ -24,7 +24,9 @@ def answer(program: Program, posed: Any, count: int) -> int:
     if said != DONE:
         return said
     for i in range(count):
-        posed.pose(i)
+        if not posed.pose(i):
+            said = max(said, ASKS)
+            continue
         u, a, b, h, alpha2_psi, priority = posed.problem()
         result = solve(program, u, CbfRows(a, b, h, priority, alpha2_psi))
         status, fallbacks = FilterStatus.BACKUP, 0

@@ -75,7 +75,7 @@ struct Plant {
   double believed_at;  // its time [s]
   Index follows;       // whether the last sample was valid
   Index known;         // whether any was, since the reset
-  status::Memory judged;
+  conclusion::Memory judged;
   Index alarm;  // a `Reason`, until the next reset
   Index moves;  // whether a region is nearer than its velocity explains
 };

@@ -12,7 +12,6 @@
 #include <hcbf/reason.hpp>
 #include <hcbf/reduced_order.hpp>
 #include <hcbf/report.hpp>
-#include <hcbf/status.hpp>
 
 namespace hcbf::state_check {
 
@@ -106,7 +105,7 @@ inline Index look(plants::Plant& plant, const State& state) {
     plant.follows = 0;
     return why;
   }
-  if (plant.follows == 0) plant.judged.news = status::NEWS;
+  if (plant.follows == 0) plant.judged.change = conclusion::CHANGED;
   copy(state.x, state.believed);
   plant.believed_at = plant.time;
   plant.known = 1;
