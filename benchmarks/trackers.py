@@ -284,7 +284,7 @@ def cost(count: int, how: str, steps: int = 20) -> float:
 
 def _other_model(listed: Callable[[int], list[Disc]], period: float) -> Callable[[int], Any]:
     """Return a step of the filter of a double integrator with drag."""
-    from hcbf_gym.filtering.model_core import ModelCore
+    from hcbf_gym.filtering.core import FilterCore
     from hcbf_gym.filtering.settings import FilterSettings
 
     def nothing(*_: object) -> tuple[()]:
@@ -292,7 +292,7 @@ def _other_model(listed: Callable[[int], list[Disc]], period: float) -> Callable
 
     plant = Plant(DoubleIntegrator(drag=0.5), nothing, nothing, U, period=period)
     settings = FilterSettings("lex-cbf-qp", "usual", None, None, None, "warn", False, {})
-    core = ModelCore(plant, U, settings)
+    core = FilterCore(plant, U, settings)
     core.restart(np.ones(1, dtype=np.bool_))
 
     def run(step: int) -> Any:

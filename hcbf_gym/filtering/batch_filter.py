@@ -13,7 +13,7 @@ from hcbf_gym.barriers.many import Element, is_list
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, floats, reals
 from hcbf_gym.filtering.array_kinds import Numbers, like, numpy_of
-from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
@@ -85,7 +85,7 @@ class BatchFilter:
             extent=extent, uncertainty=uncertainty,
         )  # fmt: skip
         settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
-        self._core = PlanarCore(plant, input_set, settings, num_envs, count("threads", threads))
+        self._core = FilterCore(plant, input_set, settings, num_envs, count("threads", threads))
         self._barriers: Any = None
         self._scenes: BarrierSet | None = None
         self._goal: Array | None = None
@@ -130,8 +130,8 @@ class BatchFilter:
         self._scenes = self._barriers = None
         if is_list(barriers):
             barriers = tuple(tuple(one) if is_list(one) else one for one in barriers)
-        scenes = self._core.read_scenes(barriers)
-        self._core.check_limits(scenes)
+        scenes = self._core.scenes.read(barriers)
+        self._core.scenes.check_limits(scenes)
         self._scenes, self._barriers = scenes, barriers
 
     def reset(self, mask: object = None, x: object = None, goal: object = None) -> Info:
@@ -209,7 +209,9 @@ class BatchFilter:
         u, report = self._core.step(
             wanted.astype(np.float64), self._barriers, estimate, world=world
         )
-        return back(u.astype(self._core.told_as)), {k: back(value) for k, value in report.items()}
+        return back(u.astype(self._core.made.dtype)), {
+            k: back(value) for k, value in report.items()
+        }
 
     def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:
         """Return what is known of the plants."""

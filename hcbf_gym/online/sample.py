@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.filtering.belief import real_numbers
+from hcbf_gym.filtering.samples import real_numbers
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
 

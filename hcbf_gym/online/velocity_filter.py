@@ -27,7 +27,7 @@ from hcbf_gym.errors import (
     shown,
     warn_caller,
 )
-from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.maps.scan import Scan
 from hcbf_gym.models import clocks
@@ -199,7 +199,7 @@ class VelocityFilter:
         self._input_set = input_set
         self._core = self._core_of(self._settings)
         self.barriers = barriers
-        self._core.check_scene(BarrierSet([self._listed(barriers)]))
+        self._core.scenes.check(BarrierSet([self._listed(barriers)]))
         self.goal = goal
         self.reset()
 
@@ -247,7 +247,7 @@ class VelocityFilter:
             InvalidInputError: if they are none, or a speed zone's limit is lower than what its row
                 reserves and one input brings.
         """
-        self._core.check_limits(BarrierSet([self._listed(barriers)]))
+        self._core.scenes.check_limits(BarrierSet([self._listed(barriers)]))
 
     @property
     def conditions(self) -> list[Condition]:
@@ -321,7 +321,7 @@ class VelocityFilter:
     def horizon(self) -> float:
         """How far from its centre a robot must see a region, at the speed `fastest` [m]."""
         kept, fastest = self._reserved, self.fastest + self._hardest * self._period
-        away = self._core.alpha1.inverse(fastest) + fastest * self._period
+        away = self._core.made.alpha1.inverse(fastest) + fastest * self._period
         return away + kept.distance + kept.cap + kept.body
 
     def _warn_of_sight(self, barriers: object) -> None:
@@ -346,9 +346,9 @@ class VelocityFilter:
         core.go_on_from(self._core)
         self._core, self._settings, self._begun = core, settings, False
 
-    def _core_of(self, settings: FilterSettings) -> PlanarCore:
+    def _core_of(self, settings: FilterSettings) -> FilterCore:
         """Return the core; what is measured is compared here, at its own time."""
-        core = PlanarCore(self._plant, self._input_set, settings)
+        core = FilterCore(self._plant, self._input_set, settings)
         core.leave_monitor()
         core.follow_maps(self._looks)
         return core
@@ -454,7 +454,7 @@ class VelocityFilter:
         """Let the clocks go on to the present [s], and note where samples are missing."""
         self._look_back(present)
         self._clock.look(present)
-        self._core.began = self._clock.zero
+        self._core.scenes.began = self._clock.zero
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
 
@@ -488,7 +488,7 @@ class VelocityFilter:
         estimate = Estimate(
             x,
             self._clock.since(present),
-            odometry.covariance(self._core.uncertainty.confidence),
+            odometry.covariance(self._core.made.uncertainty.confidence),
             x,
             lag,
             place[2],

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.many import each
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, shown
-from hcbf_gym.filtering.belief import real_numbers
+from hcbf_gym.filtering.samples import real_numbers
 from hcbf_gym.maps.nav2 import Raster
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.online import VelocityFilter

@@ -13,12 +13,9 @@ from hcbf_gym.envs.plants import READERS
 from hcbf_gym.errors import InvalidInputError, count, instance
 from hcbf_gym.filtering.certified import Earned, certified, differs, limits
 from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.model_core import ModelCore
-from hcbf_gym.filtering.planar_core import PlanarCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
-from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
 from hcbf_gym.wrappers.checks import (
     INFO,
@@ -79,9 +76,7 @@ class FilterBase:
         check_spaces(*spaces)
         check_type(self.plant, spaces[0])
         input_set = input_set_of(self.plant, spaces[1])
-        self._core: FilterCore = _core_of(self.plant)(
-            self.plant, input_set, settings, batch, threads
-        )
+        self._core = FilterCore(self.plant, input_set, settings, batch, threads)
         self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
             self._core.applied_as(self._dtype)
@@ -171,8 +166,3 @@ class FilterBase:
         if plant.to_action is None:
             return u.astype(self._dtype), report
         return plant.to_action(u.copy()), report
-
-
-def _core_of(plant: Plant) -> type[PlanarCore] | type[ModelCore]:
-    """Return the core that fits a plant: compiled for the planar double integrator."""
-    return PlanarCore if plant.model == DoubleIntegrator() else ModelCore

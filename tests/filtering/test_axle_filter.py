@@ -9,7 +9,7 @@ from hcbf_gym import _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
 from hcbf_gym.barriers.zone import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.models import axle as drives
@@ -35,7 +35,7 @@ def filter_of(barriers, *, guidance=None, solver=None, program="lex-cbf-qp", **o
         period=PERIOD, uncertainty=Uncertainty(body=BODY), axle=CART,
     )  # fmt: skip
     settings = FilterSettings(program, "held", guidance, None, solver, "warn", False, options)
-    return PlanarCore(plant, plant.input_set, settings)
+    return FilterCore(plant, plant.input_set, settings)
 
 
 class Cart:
@@ -203,7 +203,7 @@ def test_after_an_alarm_that_brakes_what_moves_pushes_it_through_no_wall():
         uncertainty=Uncertainty(body=BODY), axle=CART,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "brake", False, {})
-    core, cart = PlanarCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    core, cart = FilterCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
     begun(core, scene, cart)
     for step in range(120):
         fault = Reason.INPUT if step == 2 else None
@@ -236,7 +236,7 @@ def test_a_speed_limit_is_not_passed_by_turning(braking):
         DoubleIntegrator(), limit, lambda *_: None, Box.symmetric(5.0), period=PERIOD, axle=cart_of
     )
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
-    core, cart = PlanarCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    core, cart = FilterCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
     begun(core, limit, cart)
     fastest = 0.0
     for _ in range(200):
@@ -345,7 +345,7 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
             period=PERIOD, axle=CART._replace(braking=braking),
         )  # fmt: skip
         settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
-        return PlanarCore(plant, input_set, settings)
+        return FilterCore(plant, input_set, settings)
 
     core(1.5, Box.symmetric(1.5))
     with pytest.raises(InvalidInputError, match=r"axle: .* larger U"):
@@ -358,9 +358,9 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
 @pytest.mark.parametrize("offset", np.linspace(0.0, 0.05, 6).tolist())
 def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_ones(offset):
     core = filter_of(ROOM, guidance="geodesic")
-    passes = 2.0 * (core.clearance + 0.5 * core.cell)
+    passes = 2.0 * (core.made.clearance + 0.5 * core.made.cell)
     assert 2.0 * BODY < passes < 0.76
-    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.cell, 1)):
+    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.made.cell, 1)):
         low, high = offset - 0.5 * width, offset + 0.5 * width
         door = [
             ConvexPolygon("a", 1, ((1.0, high), (1.15, high), (1.15, 4.0), (1.0, 4.0))),

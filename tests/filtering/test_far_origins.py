@@ -18,8 +18,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.filtering.model_core import ModelCore
-from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.models.axle import Axle
@@ -87,7 +86,7 @@ def run(name, x, y, count, guided=False):
     plant = Plant(model, lambda *_: (), lambda *_: (), u_set, period=T, axle=axle, brake=brake)
     settings = FilterSettings("lex-cbf-qp", "held", "geodesic" if guided else None, None, None,
                               "warn", True, {})  # fmt: skip
-    core = (PlanarCore if name in ("planar", "cart") else ModelCore)(plant, u_set, settings, count)
+    core = FilterCore(plant, u_set, settings, count)
     n = 1 if count is None else count
     barriers = scene(name, x, y)
     if guided:

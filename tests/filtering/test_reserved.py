@@ -10,8 +10,7 @@ import pytest
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filtering.model_core import ModelCore
-from hcbf_gym.filtering.planar_core import PlanarCore
+from hcbf_gym.filtering.core import FilterCore
 from hcbf_gym.filtering.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
@@ -88,9 +87,8 @@ def report_of(name, size, declared=EXACT, conditions=None, **estimate):
         axle=axle,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", True, {})
-    kind = PlanarCore if model == models.DoubleIntegrator() else ModelCore
     count = SIZES[size]
-    core = kind(plant, plant.input_set, settings, count)
+    core = FilterCore(plant, plant.input_set, settings, count)
     given = {"x": np.array(x), "heading": np.zeros(()) if axle else None, "time": np.zeros(())}
     given |= {key: np.asarray(value) for key, value in estimate.items()}
     if count is not None:  # the others declare nothing

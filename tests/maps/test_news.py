@@ -107,5 +107,5 @@ def test_what_was_handed_over_twice_between_two_steps_is_compared_with_what_a_st
     for at in (5.77, 5.765):  # far enough to be met by 5 mm, and then too near by as much
         core._take_barriers([*wall(at, False), *door._scene()[1:]], None)
         told.append(float(core._samples.plants["kept"][0]))
-    assert told[0] == pytest.approx(0.5 - 0.2 - core.uncertainty.distance, abs=0.01)
+    assert told[0] == pytest.approx(0.5 - 0.2 - core.made.uncertainty.distance, abs=0.01)
     assert told[1] == told[0]
