@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 import hcbf_gym
+import hcbf_robots
 from hcbf_gym.barriers import Disc
 
 SHOWN = ("numpy", "scipy", "gymnasium", "mujoco", "pin")
@@ -29,8 +30,8 @@ def version(package: str) -> str:
 
 def drive() -> None:
     """Filter a typed cart that heads for a pillar: it slows down, and stays outside."""
-    robot = hcbf_gym.Robot(hcbf_gym.Command(forward=1.0, turn=1.0, look_ahead=0.2))
-    door = hcbf_gym.VelocityFilter(robot, [Disc("pillar", 1, center=(3.0, 0.0), radius=0.5)])
+    robot = hcbf_robots.Robot(hcbf_robots.Command(forward=1.0, turn=1.0, look_ahead=0.2))
+    door = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(3.0, 0.0), radius=0.5)])
     x, told = 0.0, np.zeros(2)
     for k in range(300):
         told, report = door.step((1.0, 0.0), (x, 0.0, 0.0), (told[0], 0.0, 0.0), 0.05 * k)

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym import Command, VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.errors import HcbfError
-from hcbf_gym.robots import Walker, carts, footprint, walker_parts
-from hcbf_gym.studies.identification.log import identify_log
+from hcbf_robots import Command, VelocityFilter, carts
+from hcbf_robots.identification.log import identify_log
+from hcbf_robots.walkers import Walker, footprint, walker_parts
 from tests.studies import drives
 
 IN_WORDS = ("expected", "missing", "meet", "drive for")

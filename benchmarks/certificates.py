@@ -23,11 +23,11 @@ from hcbf_gym.certificates import sequential
 from hcbf_gym.errors import RefusedError
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.attacked import Outcome
-from hcbf_gym.evaluation.certification import certify, check
-from hcbf_gym.evaluation.certification.families import OwnFamily, SceneFamily
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.robots.walker import Walker
+from hcbf_lab.certification import certify, check
+from hcbf_lab.certification.families import OwnFamily, SceneFamily
+from hcbf_robots.walkers.walker import Walker
 
 RESULTS = Path("results/certificates")
 ROOT = Path(__file__).parents[1]

@@ -20,12 +20,12 @@ import tyro
 
 from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, boxes_of, hostile, loop
 from benchmarks.wheels import MAX_AGE
-from hcbf_gym import VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import require
-from hcbf_gym.robots.walker import Walker
+from hcbf_robots import VelocityFilter
+from hcbf_robots.walkers.walker import Walker
 
 FEATURES = 8
 SEED, FRESH = 21, 5_000

@@ -10,8 +10,8 @@ import numpy as np
 
 from hcbf_gym.arrays import Mask
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import RankedMap
-from hcbf_gym.maps.cover import Cover
+from hcbf_robots.maps import RankedMap
+from hcbf_robots.maps.cover import Cover
 
 
 def rasters(side: int) -> Iterator[tuple[str, Mask]]:

@@ -30,12 +30,12 @@ from hcbf_gym.guidance import Geodesic, Pull
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.map_ground import MapGround
 from hcbf_gym.guidance.row import descent
-from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 BODY = 0.3
 """Radius of the body on the reduced-order model [m]."""

@@ -25,13 +25,13 @@ from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan, points_of
-from hcbf_gym.maps.cover import Cover
 from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan, points_of
+from hcbf_robots.maps.cover import Cover
 
 BODY = 0.3
 """Radius of the body on the reduced-order model [m]."""

@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym import Command, Robot, VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import Walker
-from hcbf_gym.studies.identification.record import Runner
+from hcbf_robots import Command, Robot, VelocityFilter
+from hcbf_robots.identification.record import Runner
+from hcbf_robots.walkers import Walker
 
 PERIOD = 0.05
 """Of the commands [s]."""

@@ -14,14 +14,14 @@ import numpy as np
 import tyro
 
 from benchmarks.own_loop import LONGEST, Moving, hostile, loop, pursuit
-from hcbf_gym import VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.maps import Scan, points_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import Walker
+from hcbf_robots import VelocityFilter
+from hcbf_robots.maps import Scan, points_of
+from hcbf_robots.walkers import Walker
 
 PERIOD, RANGE = 0.1, 10.0
 """From one scan to the next [s], and how far beams reach [m]."""

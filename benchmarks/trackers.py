@@ -284,8 +284,8 @@ def cost(count: int, how: str, steps: int = 20) -> float:
 
 def _other_model(listed: Callable[[int], list[Disc]], period: float) -> Callable[[int], Any]:
     """Return a step of the filter of a double integrator with drag."""
-    from hcbf_gym.filtering.core import FilterCore
-    from hcbf_gym.filtering.settings import FilterSettings
+    from hcbf_gym.filter.core import FilterCore
+    from hcbf_gym.filter.settings import FilterSettings
 
     def nothing(*_: object) -> tuple[()]:
         return ()

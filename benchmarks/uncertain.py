@@ -17,8 +17,8 @@ import numpy as np
 from hcbf_gym import models
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Disc, Function, HalfPlane, SpeedLimit
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.autodiff import import_jax
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.own_loop import Body, Driven, Link, Moving, boxes_of, loop
-from hcbf_gym import Command, Robot, VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import Reason
+from hcbf_robots import Command, Robot, VelocityFilter
 
 FLEET = {
     "TurtleBot 3": (Command(0.22, 2.84, look_ahead=0.08), 0.11, 0.06),

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hcbf_gym import VelocityFilter, scenarios
+from hcbf_gym import scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.drive import tracked
-from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import Outcome, alarm_of
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots.walker import Walker
+from hcbf_robots import VelocityFilter
+from hcbf_robots.envs.walker_physics import WalkerPhysics
+from hcbf_robots.walkers.walker import Walker
 
 JITTER = 0.3
 """Share by which a period is longer or shorter than the regular one."""

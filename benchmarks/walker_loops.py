@@ -15,13 +15,13 @@ import numpy as np
 from hcbf_gym import wrappers
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.envs.walker_drive import WalkerDrive
-from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_adapter import Adapter
-from hcbf_gym.studies.identification.identify import identify
+from hcbf_robots.envs.walker_drive import WalkerDrive
+from hcbf_robots.envs.walker_physics import WalkerPhysics
+from hcbf_robots.identification.identify import identify
+from hcbf_robots.walkers.walker import Walker
+from hcbf_robots.walkers.walker_adapter import Adapter
 
 SEED = 77
 """Of the commands; none of those with which the responses beside the contracts were measured."""

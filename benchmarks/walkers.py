@@ -28,7 +28,7 @@ from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots.walker import NAMES, Walker
+from hcbf_robots.walkers.walker import NAMES, Walker
 
 RESULTS = Path("results/walkers")
 ROOT = Path(__file__).parents[1]

@@ -30,15 +30,15 @@ from benchmarks.own_loop import (
     loop,
     pursuit,
 )
-from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import ConvexPolygon, HalfPlane
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.robots import Walker
-from hcbf_gym.studies.identification.identify import identify
-from hcbf_gym.studies.identification.log import identify_log
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.identification.identify import identify
+from hcbf_robots.identification.log import identify_log
+from hcbf_robots.maps import Grid, MapClass, RankedMap
+from hcbf_robots.walkers import Walker
 from tests.studies import drives
 
 

@@ -19,9 +19,9 @@ from hcbf_gym.errors import HcbfError  # noqa: E402
 
 if TYPE_CHECKING:
     from hcbf_gym import policies, programs, robots, scenarios, wrappers
-    from hcbf_gym.filtering.batch_filter import BatchFilter
+    from hcbf_gym.filter.batch_filter import BatchFilter
     from hcbf_gym.models.plant import Estimate, Plant
-    from hcbf_gym.online import Command, Response, Robot, VelocityFilter
+    from hcbf_robots.online import Command, Response, Robot, VelocityFilter
 
 __version__ = version.VERSION
 __all__ = [
@@ -71,4 +71,4 @@ gym.register(
     max_episode_steps=1000,
 )
 
-import hcbf_gym.registered  # noqa: E402, F401
+import hcbf_robots  # noqa: E402, F401

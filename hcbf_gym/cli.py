@@ -33,7 +33,7 @@ OWN = {
         "hcbf_gym.evaluation.command", "policies × programs: table, figures, summary.json, videos"
     ),
     "train": Subcommand(
-        "hcbf_gym.studies.training.command",
+        "hcbf_gym.training.command",
         "a policy under the filter, by PPO, SAC or TD3",
         "rl",
         ("stable_baselines3",),

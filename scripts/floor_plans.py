@@ -1,6 +1,6 @@
 """Draw the floor plans that ship with the package, as map files of Nav2, from rectangles in metres.
 
-`python scripts/floor_plans.py` writes `hcbf_gym/maps/plans/`; a test holds the two together.
+`python scripts/floor_plans.py` writes `hcbf_robots/maps/plans/`; a test holds the two together.
 """
 
 import sys

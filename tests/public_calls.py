@@ -10,12 +10,12 @@ import scipy.sparse
 from gymnasium import spaces
 
 import hcbf_gym
+import hcbf_robots
 from hcbf_gym import (
     barriers,
     certificates,
     estimation,
     guidance,
-    maps,
     models,
     policies,
     programs,
@@ -23,8 +23,9 @@ from hcbf_gym import (
     wrappers,
 )
 from hcbf_gym.models import input_sets
-from hcbf_gym.robots.walker import Walker
 from hcbf_gym.scenarios.references import PointReference
+from hcbf_robots import maps
+from hcbf_robots.walkers.walker import Walker
 
 try:
     import torch
@@ -133,8 +134,8 @@ CELLS = np.zeros((6, 8), dtype=np.bool_)
 CELLS[2, 3] = True
 GRID = maps.Grid(0.1, (0.0, 0.0, 0.0), (6, 8))
 MAP = maps.RankedMap(GRID, (maps.MapClass("walls", 1, "keepout", CELLS),))
-CART = hcbf_gym.Command(1.0, 2.0, look_ahead=0.2)
-ROBOT = hcbf_gym.Robot(CART, reach=0.2)
+CART = hcbf_robots.Command(1.0, 2.0, look_ahead=0.2)
+ROBOT = hcbf_robots.Robot(CART, reach=0.2)
 X = np.zeros(4)
 
 
@@ -163,8 +164,8 @@ def regions(**options) -> gym.Env:
     return gym.make("HCBF-Regions-v0", scenario="random", disable_env_checker=True, **options)
 
 
-def velocity() -> hcbf_gym.VelocityFilter:
-    return hcbf_gym.VelocityFilter(ROBOT, [DISC])
+def velocity() -> hcbf_robots.VelocityFilter:
+    return hcbf_robots.VelocityFilter(ROBOT, [DISC])
 
 
 def assign(thing, name):
@@ -254,19 +255,19 @@ def calls() -> dict[str, Call]:
             wrappers.VectorRankedObservation, given(env=native(), slots=4)
         ),
         "FilterLog": Call(wrappers.FilterLog, given(conditions=filtered().conditions)),
-        "Command": Call(hcbf_gym.Command, given(
+        "Command": Call(hcbf_robots.Command, given(
             forward=1.0, turn=2.0, sideways=None, look_ahead=0.2, heading="velocity",
         )),
-        "Response": Call(hcbf_gym.Response, given(
+        "Response": Call(hcbf_robots.Response, given(
             gain=(1.0, 1.0), time_constant=0.3, delay=0.1, residual=(0.1, 0.2, 0.3), sway=0.05,
             overshoot=0.2, rise=0.7, stopping=0.5, braking=1.5, falls=0, seconds=1.0, lasting=None,
         )),
-        "Response.load": Call(hcbf_gym.Response.load, given(path=Path("nowhere.json"))),
-        "Robot": Call(hcbf_gym.Robot, given(
+        "Response.load": Call(hcbf_robots.Response.load, given(path=Path("nowhere.json"))),
+        "Robot": Call(hcbf_robots.Robot, given(
             command=CART, response=None, reach=0.2, known_as="",
             footprint=[[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]],
         )),
-        "VelocityFilter": Call(hcbf_gym.VelocityFilter, given(
+        "VelocityFilter": Call(hcbf_robots.VelocityFilter, given(
             robot=ROBOT, barriers=[DISC], program="lex-cbf-qp", period=0.05, goal=(1.0, 0.0),
             guidance=None, v_max=0.9, radius=0.2, max_age=0.1, on_alarm="warn", margin=None,
             certificate=None, alpha2=2.0,

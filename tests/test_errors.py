@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from hcbf_gym import Command, Robot, VelocityFilter, scenarios, wrappers
+from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, said_once
 from hcbf_gym.estimation.sensors import Sensors
-from hcbf_gym.maps import RankedMap
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.scenarios import BoxObstacle
+from hcbf_robots import Command, Robot, VelocityFilter
+from hcbf_robots.maps import RankedMap
 
 NO_NUMBERS = (
     ["1.0", "0.0"],

@@ -41,9 +41,10 @@ def test_every_public_name_is_found():
 def test_a_velocity_filter_needs_neither_mujoco_nor_pictures():
     code = """
 import hcbf_gym
+import hcbf_robots
 from hcbf_gym.barriers import Disc
-robot = hcbf_gym.Robot(hcbf_gym.Command(forward=1.0, turn=1.0, look_ahead=0.2))
-door = hcbf_gym.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+robot = hcbf_robots.Robot(hcbf_robots.Command(forward=1.0, turn=1.0, look_ahead=0.2))
+door = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
 print(door.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
 """
     assert run(code, *HEAVY) == ["True"]
@@ -78,7 +79,7 @@ env.step(np.zeros(2))
     [
         ("gym.make('HCBF-A1Regions-v0')", "pip install 'mujoco>=3.11' 'pin>=4.0'"),
         ("gym.make('HCBF-WalkerRegions-v0')", "pip install 'mujoco>=3.11'"),
-        ("hcbf_gym.VelocityFilter('cart', [])", "pip install 'mujoco>=3.11'"),
+        ("hcbf_robots.VelocityFilter('cart', [])", "pip install 'mujoco>=3.11'"),
         ("hcbf_gym.barriers.Function('f', 1, lambda x, t: x[0])", "-e '.[jax]'"),
     ],
 )

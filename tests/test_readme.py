@@ -196,9 +196,9 @@ STARTED = {
                  "studies.tuning", "studies.reproduction")
 }  # fmt: skip
 HELP = (
-    ("hcbf_gym.play.command", ["--map", "depot.yaml", "--masks", "keepout.yaml", "2", "avoid.yaml",
+    ("hcbf_lab.play.command", ["--map", "depot.yaml", "--masks", "keepout.yaml", "2", "avoid.yaml",
                                "3"]),
-    ("hcbf_gym.play.command", ["--model", "reduced", "--map", "depot.yaml", "--slow",
+    ("hcbf_lab.play.command", ["--model", "reduced", "--map", "depot.yaml", "--slow",
                                "school.yaml", "0.4"]),
     ("hcbf_gym.evaluation.command", ["--env", "HCBF-Regions-v0", "--map", "depot.yaml", "--slow",
                                      "school.yaml", "0.4", "--masks", "keepout.yaml", "2"]),
@@ -348,7 +348,7 @@ def test_every_public_name_stands_once_in_the_reference_as_it_is_imported():
         for room in PUBLIC
         for name in importlib.import_module(f"hcbf_gym.{room}").__all__
     }
-    online = {name for name in wanted if name.startswith("hcbf_gym.online.")}
+    online = {name for name in wanted if name.startswith("hcbf_robots.online.")}
     wanted = wanted - online | {name.replace("online.", "") for name in online}
     twice = {"hcbf_gym.programs.CbfRows"}  # of barriers
     assert wanted - twice <= {*shown}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.maps import Grid
+from hcbf_robots.maps import Grid
 
 AT_ONCE = 8192
 """Points whose distances are taken together: their arrays stay in the processor's cache."""

@@ -22,10 +22,10 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.row import descent
-from hcbf_gym.maps import RankedMap
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots.maps import RankedMap
 
 STRIP = (5.0, 10.0, 15.0)
 """When the strip looks at the robot [s]."""

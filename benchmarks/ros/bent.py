@@ -23,10 +23,10 @@ import numpy as np
 from PIL import Image
 
 from hcbf_gym.errors import HcbfError
-from hcbf_gym.robots.walker_response import Response
-from hcbf_gym.ros.core import NodeCore
-from hcbf_gym.ros.parameter import Numbers, Parameter, Texts
-from hcbf_gym.ros.parameters import GRIDS, Settings, by_name, read
+from hcbf_robots.ros.core import NodeCore
+from hcbf_robots.ros.parameter import Numbers, Parameter, Texts
+from hcbf_robots.ros.parameters import GRIDS, Settings, by_name, read
+from hcbf_robots.walkers.walker_response import Response
 
 Rng = np.random.Generator
 Given = dict[str, Any]

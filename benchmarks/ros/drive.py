@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.ros.core import NodeCore
-from hcbf_gym.ros.decisions import Decision
-from hcbf_gym.ros.parameters import read
-from hcbf_gym.ros.sources import Beams
-from hcbf_gym.ros.watches import Now
+from hcbf_robots.ros.core import NodeCore
+from hcbf_robots.ros.decisions import Decision
+from hcbf_robots.ros.parameters import read
+from hcbf_robots.ros.sources import Beams
+from hcbf_robots.ros.watches import Now
 
 CART = {"max_forward": 1.0, "max_turn": 2.0, "look_ahead": 0.2, "reach": 0.3}
 """Parameters of a cart that nobody has measured."""

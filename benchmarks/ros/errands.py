@@ -21,7 +21,7 @@ from benchmarks.ros.drive import TICK, Drive
 from benchmarks.ros.ride import Planner, Ride, pursuit, write_map
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, RankedMap, nav2
+from hcbf_robots.maps import Grid, RankedMap, nav2
 
 SOURCES = {
     "observation_sources": ["walls", "scan"],

@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks.ros.drive import ANGLES, HARDEST, SCAN, TICK, Drive
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.ros.sources import grid_of
-from hcbf_gym.ros.watches import Now
+from hcbf_robots.maps.nav2 import Raster
+from hcbf_robots.ros.sources import grid_of
+from hcbf_robots.ros.watches import Now
 
 Rng = np.random.Generator
 STEP = 0.05

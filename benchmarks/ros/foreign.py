@@ -16,11 +16,11 @@ from benchmarks.ros.drive import SCAN, TICK, Drive
 from benchmarks.ros.ride import Ride, pursuit, write_map
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import nav2
-from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.ros.decisions import Action
-from hcbf_gym.ros.parameters import read
-from hcbf_gym.ros.sources import grid_of
+from hcbf_robots.maps import nav2
+from hcbf_robots.maps.nav2 import Raster
+from hcbf_robots.ros.decisions import Action
+from hcbf_robots.ros.parameters import read
+from hcbf_robots.ros.sources import grid_of
 
 COMES, GOES, ENDS = 3.0, 8.0, 10.0
 """A lethal cell is under the robot between the first two [s]."""

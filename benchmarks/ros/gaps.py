@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.judges.squares import distances
 from benchmarks.ros.drive import TICK
 from benchmarks.ros.ride import Ride, pursuit, write_map
-from hcbf_gym.maps import Grid
+from hcbf_robots.maps import Grid
 
 CELLS, SIDE = 17, 0.05
 """Free cells of the gap, and their side [m]."""

@@ -28,9 +28,9 @@ from benchmarks.judges.squares import distances
 from benchmarks.ros import errands
 from benchmarks.ros.ride import pursuit
 from hcbf_gym.arrays import Array
-from hcbf_gym.maps import nav2
-from hcbf_gym.robots import Walker
-from hcbf_gym.ros.command import ros_arguments
+from hcbf_robots.maps import nav2
+from hcbf_robots.ros.command import ros_arguments
+from hcbf_robots.walkers import Walker
 
 START, GOALS = (3.5, 7.5, 0.0), ((20.0, 7.5), (3.5, 7.5))
 """Through the depot and back [m]."""
@@ -48,8 +48,8 @@ SETTLED = 5.0
 
 def node(parameters: Path, notes: Path) -> None:
     """Run the node, and write when commands came, how long they took, and what else was done."""
-    from hcbf_gym.ros import node as nodes
-    from hcbf_gym.ros import reporting, worker
+    from hcbf_robots.ros import node as nodes
+    from hcbf_robots.ros import reporting, worker
 
     taken: list[tuple[float, float]] = []
     own: list[float] = []

@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool
 from benchmarks.ros.rig import ALONE, PERIOD, Base, Planner, ended, process
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import ConvexPolygon
-from hcbf_gym.robots import Walker
+from hcbf_robots.walkers import Walker
 
 PATH = (0.0, 1.2, 3.4, 4.5), (0.0, 0.55, 0.55, 0.9)
 """x and y of what the planner follows: it leads past a zone, nearer than the cart is wide [m]."""

@@ -23,7 +23,7 @@ from lifecycle_msgs.msg import Transition
 from nav_msgs.msg import OccupancyGrid
 
 from benchmarks.ros.rig import ALONE, PERIOD, SLACK, Base, Planner, process
-from hcbf_gym.ros.running import LATCHED
+from hcbf_robots.ros.running import LATCHED
 
 PARAMETERS = """hcbf_filter:
   ros__parameters:

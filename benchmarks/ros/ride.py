@@ -11,8 +11,8 @@ from PIL import Image
 
 from benchmarks.ros.drive import TICK, Drive
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.robots import Walker
-from hcbf_gym.ros.robot import SimulatedRobot
+from hcbf_robots.ros.robot import SimulatedRobot
+from hcbf_robots.walkers import Walker
 
 Planner = Callable[[Array], tuple[float, float, float]]
 """(x, y, yaw) → the velocity that it wants [m/s, rad/s]; it knows nothing of the filter."""

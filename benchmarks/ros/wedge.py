@@ -15,9 +15,9 @@ from benchmarks.ros.ride import Ride, pursuit
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import ConvexPolygon
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.robots import Walker
-from hcbf_gym.ros import sources
-from hcbf_gym.ros.robot import SimulatedRobot
+from hcbf_robots.ros import sources
+from hcbf_robots.ros.robot import SimulatedRobot
+from hcbf_robots.walkers import Walker
 
 Corners = list[tuple[float, float]]
 STILL, LONGEST_STILL = (0.02, 0.15), 1.0

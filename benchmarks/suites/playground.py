@@ -16,9 +16,9 @@ import viser
 from websockets.sync.client import connect
 
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.play.page import Page
-from hcbf_gym.play.session import Session
-from hcbf_gym.play.settings import Settings
+from hcbf_lab.play.page import Page
+from hcbf_lab.play.session import Session
+from hcbf_lab.play.settings import Settings
 
 SETTINGS = Settings(policy="human", program="lex-cbf-qp", guidance=True)
 CHANGE_EVERY = 5.0

@@ -26,8 +26,8 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator

@@ -5,8 +5,8 @@ from typing import Any
 
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.studies.reproduction import FIGURES
-from hcbf_gym.studies.reproduction.command import reproduce
+from hcbf_lab.reproduction import FIGURES
+from hcbf_lab.reproduction.command import reproduce
 
 FOLDER = Path("results")
 """Where the pictures go, in ``reproduce`` or, of a quick run, ``reproduce-quick``."""

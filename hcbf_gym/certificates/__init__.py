@@ -1,13 +1,7 @@
 """What was certified of a plant: how often rank 1 is entered at most, with how much confidence."""
 
 from hcbf_gym.certificates.certificate import Certificate, first_seed
-from hcbf_gym.certificates.declared import (
-    declared,
-    identified,
-    is_of_package,
-    robot_of,
-    same,
-)
+from hcbf_gym.certificates.declared import declared, identified, is_of_package, robot_of, same
 from hcbf_gym.certificates.judge import Judged, judge
 from hcbf_gym.certificates.library import (
     NearestCertificate,

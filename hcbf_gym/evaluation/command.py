@@ -29,13 +29,7 @@ from hcbf_gym import loading, policies, programs, records, scenarios
 from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
 from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import (
-    CoverageWarning,
-    InvalidInputError,
-    UnknownNameError,
-    require,
-    said_once,
-)
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, UnknownNameError, require, said_once
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.environments import ENVIRONMENTS, Known

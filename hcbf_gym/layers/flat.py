@@ -14,7 +14,7 @@ from hcbf_gym.barriers.many import Element
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filtering.settings import input_limits
+from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.models.input_sets import InputSet
 
 _MARGINS = 3

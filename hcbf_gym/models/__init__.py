@@ -3,14 +3,7 @@
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.control_affine import ControlAffine
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
-from hcbf_gym.models.plant import (
-    Coverage,
-    CoveredBy,
-    Estimate,
-    Plant,
-    Reason,
-    Uncertainty,
-)
+from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Reason, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from hcbf_gym import lazily
 
 if TYPE_CHECKING:
-    from hcbf_gym.robots.walker import Walker
+    from hcbf_robots.walkers.walker import Walker
 
 __all__ = ["Walker"]
 

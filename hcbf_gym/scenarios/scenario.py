@@ -9,14 +9,7 @@ from typing import Any
 from hcbf_gym import barriers, records
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import Barrier
-from hcbf_gym.errors import (
-    InvalidInputError,
-    choose,
-    finite_array,
-    finite_float,
-    listed,
-    shown,
-)
+from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_float, listed, shown
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.input_sets import Box, InputSet

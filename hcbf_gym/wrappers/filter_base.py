@@ -11,9 +11,9 @@ from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
 from hcbf_gym.errors import InvalidInputError, count, instance
-from hcbf_gym.filtering.certified import Earned, certified, differs, limits
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.certified import Earned, certified, differs, limits
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.programs import ConflictReport

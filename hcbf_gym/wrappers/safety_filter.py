@@ -13,7 +13,7 @@ from gymnasium.utils import RecordConstructorArgs
 from hcbf_gym import programs, records
 from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.filtering.settings import FilterSettings, plain_options
+from hcbf_gym.filter.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.arguments import record, with_plant
 from hcbf_gym.wrappers.filter_base import FilterBase
@@ -25,7 +25,7 @@ class SafetyFilter(
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
     The policy's action u* goes to the program. The environment receives the program's input u.
-    ``info["safety_filter"]`` holds the fields of `hcbf_gym.filtering.report`: u* and u, each row's
+    ``info["safety_filter"]`` holds the fields of `hcbf_gym.filter.report`: u* and u, each row's
     slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
     `hcbf_gym.models.Reason`, 0 where there is none), `covered` (a
     `hcbf_gym.models.Coverage`), `covered_by` (why, a `hcbf_gym.models.CoveredBy`), and

@@ -13,7 +13,7 @@ from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.filtering.settings import FilterSettings, plain_options
+from hcbf_gym.filter.settings import FilterSettings, plain_options
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.arguments import record
 from hcbf_gym.wrappers.checks import INFO

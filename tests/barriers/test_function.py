@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from needs import remedy
 
-from hcbf_gym.barriers import (
-    ConvexPolygon,
-    Disc,
-    Ellipse,
-    Function,
-    HalfPlane,
-    SpeedLimit,
-)
+from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, Function, HalfPlane, SpeedLimit
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.errors import HcbfError, InvalidInputError, MissingDependencyError, SafetyWarning

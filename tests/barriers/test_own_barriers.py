@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import Plant, VelocityFilter, barriers, models, scenarios, wrappers
+from hcbf_gym import Plant, barriers, models, scenarios, wrappers
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
@@ -26,6 +26,7 @@ from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.models.vehicles import Unicycle
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
+from hcbf_robots import VelocityFilter
 
 USUAL, HELD = RowSettings(), RowSettings(period=0.02, u_max=7.1)
 

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.judges import squares
 from benchmarks.suites import proposition
-from hcbf_gym.maps import Grid
+from hcbf_robots.maps import Grid
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 
 REGIONS = {

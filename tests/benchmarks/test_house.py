@@ -27,10 +27,10 @@ def many(a, b, c, d, e, f, g, h, i) -> Any: ...
 
 @pytest.fixture
 def checkout(tmp_path):
-    for folder in ("hcbf_gym/rooms/studies", "hcbf_gym/studies"):
+    for folder in ("hcbf_gym/rooms/studies", "hcbf_lab"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "hcbf_gym/rooms/studies/code.py").write_text(CODE)
-    (tmp_path / "hcbf_gym/studies/code.py").write_text(CODE)
+    (tmp_path / "hcbf_lab/code.py").write_text(CODE)
     (tmp_path / "README.md").write_text("# Three words\nand three more\n")
     return tmp_path
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks import map_guidance
-from hcbf_gym.maps import MapClass, RankedMap
+from hcbf_robots.maps import MapClass, RankedMap
 
 
 def test_a_corridor_is_walked_and_a_zone_left_by_the_way_that_the_field_shows():

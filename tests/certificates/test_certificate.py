@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import VelocityFilter, certificates, models, version
+from hcbf_gym import certificates, models, version
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import (
     BLOCK,
@@ -24,10 +24,11 @@ from hcbf_gym.certificates import (
 )
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.evaluation.certification.mixture import SCENES
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Uncertainty
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from hcbf_lab.certification.mixture import SCENES
+from hcbf_robots import VelocityFilter
 
 pytestmark = pytest.mark.usefixtures("released")
 MARGINS = Uncertainty(distance=0.03, speed=0.2)

@@ -10,13 +10,14 @@ import pytest
 
 from hcbf_gym import certificates, wrappers
 from hcbf_gym.models.plant import Coverage
-from hcbf_gym.robots import Walker, carts
+from hcbf_robots import carts
+from hcbf_robots.walkers import Walker
 
 CARTS = Path(carts.__file__).parent
 INCLUDED = "<mujocoinclude><option timestep='0.002'/></mujocoinclude>"
 POLICY = """
 from gains import GAIN
-from hcbf_gym.robots.carts import differential
+from hcbf_robots.carts import differential
 
 
 def drives(*arguments, **options):

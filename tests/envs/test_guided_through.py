@@ -6,11 +6,11 @@ import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.guidance import Geodesic
-from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 THROUGH = {"kind": "geodesic", "through": 2}
 

@@ -13,10 +13,10 @@ from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.maps import MapClass
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots.maps import MapClass
 from tests.maps.floors import cells, room, true_distance
 
 BODY = 0.1

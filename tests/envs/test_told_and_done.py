@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks import told_and_done
 from benchmarks.velocity_loops import LoopEpisode
-from hcbf_gym import VelocityFilter
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import VelocityFilter
 
 ALARMS = Reason.RESPONSE, Reason.INPUT, Reason.MOTION, Reason.SLIP, Reason.LAG
 WALL = [HalfPlane("wall", 1, (-1.0, 0.0), -20.0)]

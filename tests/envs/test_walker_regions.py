@@ -15,7 +15,6 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 from hcbf_gym import certificates, policies, wrappers
-from hcbf_gym.envs.walker_regions import WalkerRegionsEnv
 from hcbf_gym.errors import (
     CoverageWarning,
     HcbfError,
@@ -24,7 +23,8 @@ from hcbf_gym.errors import (
     UnknownNameError,
 )
 from hcbf_gym.evaluation.episode import samples
-from hcbf_gym.robots.walker import NAMES
+from hcbf_robots.envs.walker_regions import WalkerRegionsEnv
+from hcbf_robots.walkers.walker import NAMES
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robots"))
 from walkers import CARTS, LEARNED, plain
@@ -271,7 +271,7 @@ def broken(model, period):
 def test_a_controller_that_gives_nan_ends_the_episode_with_the_last_inputs(tmp_path):
     import json
 
-    from hcbf_gym.robots import carts
+    from hcbf_robots import carts
 
     contract = plain(carts.FOLDER / "holonomic-cart.json")
     contract["mjcf"] = str(carts.FOLDER / contract["mjcf"])

@@ -7,8 +7,8 @@ import pytest
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.estimation import sensors
 from hcbf_gym.evaluation.attacks import ATTACKS
-from hcbf_gym.evaluation.certification import families
-from hcbf_gym.evaluation.certification.mixture import RANGES, SCENES, A1Mixture
+from hcbf_lab.certification import families
+from hcbf_lab.certification.mixture import RANGES, SCENES, A1Mixture
 
 MIXTURE = A1Mixture()
 EPISODES = [MIXTURE.episode(seed) for seed in range(400)]

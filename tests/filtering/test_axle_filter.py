@@ -9,15 +9,15 @@ from hcbf_gym import _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
 from hcbf_gym.barriers.zone import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
-from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Reason, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 CART = Axle(look_ahead=0.25, forward=0.5, turn=1.82, braking=1.5)
 PERIOD, BODY = 0.05, 0.34

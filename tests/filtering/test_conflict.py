@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym
+import hcbf_robots
 from hcbf_gym import programs
 from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane
 from hcbf_gym.barriers.planar_rows import planar_rows
@@ -90,7 +91,7 @@ def test_the_conflict_of_an_episode_names_its_conditions():
 
 
 def test_the_axle_and_its_own_limits():
-    filt = hcbf_gym.VelocityFilter("cart", SCENE)
+    filt = hcbf_robots.VelocityFilter("cart", SCENE)
     _, report = filt.step((0.3, 0.0), (0.6, 0.0, 0.0), (0.3, 0.0, 0.0), 0.0)
     found = filt.conflict()
     assert (found is not None) == bool(report["slack"].any())

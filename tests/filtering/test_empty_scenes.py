@@ -4,11 +4,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import BatchFilter, Plant, VelocityFilter, models
+from hcbf_gym import BatchFilter, Plant, models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from hcbf_robots import VelocityFilter
 
 GOAL = (3.0, 1.0)
 ASIDE = [Disc("aside", 1, (-2.0, 2.0), 0.5)]

@@ -18,14 +18,14 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
-from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 T, UTM = 0.05, (500_000.0, 5_900_000.0)
 MODELS = {

@@ -10,13 +10,13 @@ import pytest
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
-from hcbf_gym.robots.walker_margins import uncertainty
-from hcbf_gym.robots.walker_response import Response
+from hcbf_robots.walkers.walker_margins import uncertainty
+from hcbf_robots.walkers.walker_response import Response
 
 T, LARGEST = 0.05, np.array([1.5, 0.5])
 WALL = HalfPlane("wall", 1, (-0.8, 0.6), -3.0)

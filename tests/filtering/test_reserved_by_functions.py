@@ -5,8 +5,8 @@ import pytest
 
 from hcbf_gym import models
 from hcbf_gym.barriers import Barrier, Disc, Jet
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 

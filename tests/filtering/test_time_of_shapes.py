@@ -11,19 +11,11 @@ from needs import needs
 
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
-from hcbf_gym.barriers import (
-    Capsule,
-    ConvexPolygon,
-    Disc,
-    Ellipse,
-    Function,
-    PlanarBarrier,
-    Shapes,
-)
+from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, Function, PlanarBarrier, Shapes
 from hcbf_gym.models import Estimate
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.online import Robot, VelocityFilter
-from hcbf_gym.robots.walker_parts import Command
+from hcbf_robots.online import Robot, VelocityFilter
+from hcbf_robots.walkers.walker_parts import Command
 
 T = 0.05
 ROOM = (40.0, 40.0)

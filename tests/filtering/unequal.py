@@ -23,13 +23,13 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filtering.core import FilterCore
-from hcbf_gym.filtering.settings import FilterSettings
-from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 PLANTS, STEPS, T = 24, 12, 0.05
 PROGRAMS = (

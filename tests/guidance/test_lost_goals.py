@@ -12,12 +12,12 @@ from hcbf_gym import guidance, models
 from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.guidance import Geodesic
-from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Reason
-from hcbf_gym.online import Command, Robot, VelocityFilter
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap
+from hcbf_robots.online import Command, Robot, VelocityFilter
 
 T, START, GOAL = 0.05, (1.0, 1.0), (5.0, 1.0)
 REMEDY = 'guidance={"kind": "geodesic", "through": 2}'

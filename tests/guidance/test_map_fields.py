@@ -9,7 +9,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.ground import distances
 from hcbf_gym.guidance.map_ground import MapGround
-from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 SIDE = 0.1
 BODY = 0.3

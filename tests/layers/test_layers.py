@@ -7,7 +7,7 @@ from central_differences import SETTINGS, compare, points, scene
 from hcbf_gym import _core, programs
 from hcbf_gym.barriers import Barrier, BarrierSet, CbfRows, HalfPlane, RowSettings, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.filtering.settings import input_limits
+from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.layers.flat import FlatFilter
 from hcbf_gym.models.input_sets import Box
 

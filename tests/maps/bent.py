@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap, Scan
+from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
 
 NUMBERS = (
     0,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hcbf_gym.maps import Grid, MapClass, RankedMap
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 MAPS = Path(os.environ.get("HCBF_DATA", "nowhere")) / "maps"
 WITHOUT_MAPS = "needs HCBF_DATA, a folder with maps that are not the project's own"

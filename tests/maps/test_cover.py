@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from benchmarks.covers import rasters
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.maps.cover import MOST_PIECES, Cover
+from hcbf_robots.maps import Grid, MapClass, RankedMap
+from hcbf_robots.maps.cover import MOST_PIECES, Cover
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 
 CELL = 0.05

@@ -7,9 +7,9 @@ import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.online import VelocityFilter
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots.maps import Grid, MapClass, RankedMap
+from hcbf_robots.online import VelocityFilter
 
 pytestmark = pytest.mark.filterwarnings("ignore:safety filter. the robot does not do")
 """The robot here follows at once, and the cart's response does not."""

@@ -8,10 +8,10 @@ from PIL import Image
 
 from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap
-from hcbf_gym.maps.nav2 import FREE, OCCUPIED, UNKNOWN, read
-from hcbf_gym.online import VelocityFilter
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots.maps import Grid, MapClass, RankedMap
+from hcbf_robots.maps.nav2 import FREE, OCCUPIED, UNKNOWN, read
+from hcbf_robots.online import VelocityFilter
 from tests.maps.floors import MAPS, ORIGINS, WITHOUT_MAPS, cells, room, true_distance
 
 PIXELS = np.array([[0, 254, 205], [254, 100, 254], [150, 254, 254]], dtype=np.uint8)
@@ -69,7 +69,7 @@ def test_what_was_never_seen_is_unknown_whatever_the_thresholds(tmp_path, free, 
 
 def test_a_load_counts_and_logs_what_is_free_occupied_and_unknown(tmp_path, caplog):
     file = write(tmp_path, free_thresh=0.25, occupied_thresh=0.65)
-    with caplog.at_level(logging.INFO, logger="hcbf_gym.maps"):
+    with caplog.at_level(logging.INFO, logger="hcbf_robots.maps"):
         ranked = RankedMap.load(file, unknown=None)
     assert ranked.counted == (5, 1, 3)  # of the greys 100 and 150, and 205
     assert f"map {file}: 5 cells free, 1 occupied, 3 unknown" in caplog.text

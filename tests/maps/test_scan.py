@@ -5,12 +5,12 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.barriers import BarrierSet, Disc
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import MapClass, Scan, paying, points_of
-from hcbf_gym.maps.scan import FINE, REACH
-from hcbf_gym.maps.surfaces import CLOSE
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.maps import MapClass, Scan, paying, points_of
+from hcbf_robots.maps.scan import FINE, REACH
+from hcbf_robots.maps.surfaces import CLOSE
 from tests.maps.floors import cells, room
 
 ANGLES = np.linspace(-np.pi, np.pi, 360, endpoint=False)

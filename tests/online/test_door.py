@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.velocity_loops import Cart
-from hcbf_gym import VelocityFilter
 from hcbf_gym.barriers import ConvexPolygon, HalfPlane
-from hcbf_gym.robots import Walker
+from hcbf_robots import VelocityFilter
+from hcbf_robots.walkers import Walker
 
 PERIOD, GOAL = 0.05, np.array([3.5, 0.0])
 

@@ -6,11 +6,11 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Robot, VelocityFilter
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.models.plant import FIRST_ALARM, Reason
-from hcbf_gym.online.sample import placed
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import Command, Robot, VelocityFilter
+from hcbf_robots.online.sample import placed
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
 

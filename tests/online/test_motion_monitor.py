@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.online.motion_monitor import MotionMonitor
+from hcbf_robots.online.motion_monitor import MotionMonitor
 from tests.online.test_own_loop import EXACT, FAR, PERIOD, VelocityFilter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*")

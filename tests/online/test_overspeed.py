@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Response, Robot, VelocityFilter
-from hcbf_gym.maps import Grid, MapClass, RankedMap
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 from tests.online.test_unmeasured import Lagged
 
 LATE = Response(

@@ -7,24 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Response, Robot, VelocityFilter, certificates
-from hcbf_gym.barriers import (
-    Capsule,
-    ConvexPolygon,
-    Disc,
-    Ellipse,
-    HalfPlane,
-    Shapes,
-    SpeedLimit,
-)
+from hcbf_gym import certificates
+from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane, Shapes, SpeedLimit
 from hcbf_gym.barriers.barrier import PlanarBarrier
 from hcbf_gym.barriers.many import each
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.maps import MapClass, RankedMap, Scan
 from hcbf_gym.models.grid import Grid
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.maps import MapClass, RankedMap, Scan
 
 FAR = [Disc("far", 1, center=(50.0, 0.0), radius=1.0)]
 EXACT = Robot(

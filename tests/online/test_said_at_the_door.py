@@ -5,14 +5,14 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.barriers import ConvexPolygon, HalfPlane, Shapes
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, SafetyWarning
-from hcbf_gym.maps.regrid import INSET, onto
 from hcbf_gym.models.grid import Grid
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import footprint
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.maps.regrid import INSET, onto
+from hcbf_robots.walkers import footprint
 
 CART = Robot(Command(1.0, 2.0, look_ahead=0.2), reach=0.2)
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.robots import Walker
-from hcbf_gym.robots.walker_response import assumed
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.walkers import Walker
+from hcbf_robots.walkers.walker_response import assumed
 
 ROBOTS = {
     "as slow as allowed": Command(forward=0.05, turn=1.0, look_ahead=0.05),

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import Command, Response, Robot, VelocityFilter
 from tests.online.test_unmeasured import WALL, Lagged
 
 EXACT = Response(

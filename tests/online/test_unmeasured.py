@@ -6,9 +6,9 @@ from collections import deque
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Robot, VelocityFilter
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.models.plant import Reason
+from hcbf_robots import Command, Robot, VelocityFilter
 
 PERIOD, TICK = 0.05, 0.005
 WALL = HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-2.0)

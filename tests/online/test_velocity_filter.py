@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import hcbf_gym
+import hcbf_robots
 from hcbf_gym import certificates, scenarios
 from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane, SpeedLimit
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import tracked
-from hcbf_gym.envs.walker_physics import WalkerPhysics
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models.clocks import AHEAD
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.online import Robot, VelocityFilter
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.robots import Walker
-from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.ros.parameters import Settings
-from hcbf_gym.ros.watches import Now, Watch
+from hcbf_robots.envs.walker_physics import WalkerPhysics
+from hcbf_robots.online import Robot, VelocityFilter
+from hcbf_robots.ros.parameters import Settings
+from hcbf_robots.ros.watches import Now, Watch
+from hcbf_robots.walkers import Walker
+from hcbf_robots.walkers.walker_parts import Command
 from tests.robots.walkers import LEARNED
 
 CARTS = ("cart", "holonomic-cart")
@@ -293,7 +293,7 @@ def test_a_robot_without_a_contract_is_taken_for_slow():
 
 
 def test_it_is_a_public_name():
-    assert hcbf_gym.VelocityFilter is VelocityFilter
+    assert hcbf_robots.VelocityFilter is VelocityFilter
 
 
 def test_a_robot_with_a_certificate_reserves_no_less_here():

@@ -17,8 +17,8 @@ from playwright.sync_api import sync_playwright
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.play import editing
 from hcbf_gym.scenarios.references import PointReference
+from hcbf_lab.play import editing
 
 FLAGS = [
     "--no-sandbox",

@@ -13,12 +13,12 @@ from websockets.typing import Subprotocol
 
 from hcbf_gym import cli
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.play import command
-from hcbf_gym.play.page import FIRST_PORT, Page
-from hcbf_gym.play.session import Session
-from hcbf_gym.play.settings import Settings
-from hcbf_gym.play.steering import Steering
-from hcbf_gym.play.thread_safe_event import ThreadSafeEvent
+from hcbf_lab.play import command
+from hcbf_lab.play.page import FIRST_PORT, Page
+from hcbf_lab.play.session import Session
+from hcbf_lab.play.settings import Settings
+from hcbf_lab.play.steering import Steering
+from hcbf_lab.play.thread_safe_event import ThreadSafeEvent
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_the_command_says_where_the_page_is_when_its_usual_port_is_taken(
     session, monkeypatch, capsys, taken
 ):
     monkeypatch.setattr(command, "FIRST_PORT", taken)
-    monkeypatch.setattr("hcbf_gym.play.page.FIRST_PORT", taken)
+    monkeypatch.setattr("hcbf_lab.play.page.FIRST_PORT", taken)
     monkeypatch.setattr(Page, "run", lambda *_: None)
     command.main(command.Args(model="reduced", scenario="paper-simulation"))
     said = capsys.readouterr().out

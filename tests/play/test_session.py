@@ -9,12 +9,12 @@ from hcbf_gym import scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.models.plant import Reason
-from hcbf_gym.play import editing
-from hcbf_gym.play.drawing import stacked
-from hcbf_gym.play.report import sentence
-from hcbf_gym.play.session import Session
-from hcbf_gym.play.settings import Settings
 from hcbf_gym.scenarios.references import PointReference
+from hcbf_lab.play import editing
+from hcbf_lab.play.drawing import stacked
+from hcbf_lab.play.report import sentence
+from hcbf_lab.play.session import Session
+from hcbf_lab.play.settings import Settings
 
 GATE = scenarios.Scenario(
     "gate",

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Robot
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.robots import footprint
+from hcbf_robots import Command, Robot
+from hcbf_robots.walkers import footprint
 
 COMMAND = Command(forward=0.5, turn=1.0, look_ahead=0.2)
 L_SHAPE = [[-0.2, -0.2], [0.4, -0.2], [0.4, 0.0], [0.1, 0.0], [0.1, 0.3], [-0.2, 0.3]]

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hcbf_gym.robots import Walker
-from hcbf_gym.robots.response_monitor import ResponseMonitor
-from hcbf_gym.robots.walker_parts import Command
-from hcbf_gym.robots.walker_response import Response
+from hcbf_robots.walkers import Walker
+from hcbf_robots.walkers.response_monitor import ResponseMonitor
+from hcbf_robots.walkers.walker_parts import Command
+from hcbf_robots.walkers.walker_response import Response
 
 HOLONOMIC = Walker.load("holonomic-cart")
 PERIOD = 0.05

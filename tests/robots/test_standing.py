@@ -10,11 +10,11 @@ import gymnasium as gym
 import pytest
 
 import hcbf_gym
-from hcbf_gym import Command, Response, Robot, VelocityFilter
 from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.robots import Walker
-from hcbf_gym.robots.walker_response import assumed
+from hcbf_robots import Command, Response, Robot, VelocityFilter
+from hcbf_robots.walkers import Walker
+from hcbf_robots.walkers.walker_response import assumed
 
 CARTS = Path(hcbf_gym.__file__).parent / "robots" / "carts"
 FAR = Disc("far", 1, center=(500.0, 500.0), radius=1.0)

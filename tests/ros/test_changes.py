@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from benchmarks.ros.drive import SCAN, Drive
-from hcbf_gym import VelocityFilter
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.geodesic import Geodesic
-from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.ros import messages, parameters
-from hcbf_gym.ros.decisions import Level
-from hcbf_gym.ros.sources import Beams, grid_of
-from hcbf_gym.ros.watches import Now
+from hcbf_robots import VelocityFilter
+from hcbf_robots.maps.nav2 import Raster
+from hcbf_robots.ros import messages, parameters
+from hcbf_robots.ros.decisions import Level
+from hcbf_robots.ros.sources import Beams, grid_of
+from hcbf_robots.ros.watches import Now
 from tests.ros.test_node_core import ZONE, show
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")

@@ -9,7 +9,7 @@ import pytest
 from needs import needs
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.ros import messages
+from hcbf_robots.ros import messages
 
 GOAL, OTHER = (3.0, 0.0), (0.0, 2.0)
 
@@ -54,8 +54,8 @@ class Core:
 
 @pytest.fixture
 def hearing(monkeypatch):
-    from hcbf_gym.ros import sources
-    from hcbf_gym.ros.intake import Intake
+    from hcbf_robots.ros import sources
+    from hcbf_robots.ros.intake import Intake
 
     monkeypatch.setattr(sources, "of_circle", lambda *_: ())
     core, heard = Core(), {}

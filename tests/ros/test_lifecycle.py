@@ -34,8 +34,8 @@ def ros(monkeypatch):
 def test_a_topic_that_ros_refuses_leaves_nothing_and_can_be_mended(ros, name):
     from rclpy.parameter import Parameter
 
-    from hcbf_gym.ros.node import DONE, FilterNode
-    from hcbf_gym.ros.node import REFUSED as NOT_DONE
+    from hcbf_robots.ros.node import DONE, FilterNode
+    from hcbf_robots.ros.node import REFUSED as NOT_DONE
 
     bad, good = REFUSED[name]
 

@@ -10,13 +10,13 @@ from benchmarks.ros.drive import ANGLES, HARDEST, SCAN, Drive
 from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.geodesic import Geodesic
-from hcbf_gym.maps.nav2 import Raster
-from hcbf_gym.maps.scan import FINE
-from hcbf_gym.ros import sources
-from hcbf_gym.ros.decisions import Action, Level
-from hcbf_gym.ros.filters import HELD
-from hcbf_gym.ros.sources import Beams, grid_of
-from hcbf_gym.ros.watches import Now
+from hcbf_robots.maps.nav2 import Raster
+from hcbf_robots.maps.scan import FINE
+from hcbf_robots.ros import sources
+from hcbf_robots.ros.decisions import Action, Level
+from hcbf_robots.ros.filters import HELD
+from hcbf_robots.ros.sources import Beams, grid_of
+from hcbf_robots.ros.watches import Now
 
 pytestmark = pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
 

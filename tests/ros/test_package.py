@@ -9,8 +9,8 @@ import pytest
 
 import hcbf_gym
 from hcbf_gym.cli import commands
-from hcbf_gym.ros import filters
-from hcbf_gym.ros.parameters import read
+from hcbf_robots.ros import filters
+from hcbf_robots.ros.parameters import read
 
 yaml = pytest.importorskip("yaml")
 PACKAGE = Path(__file__).parents[2] / "ros" / "hcbf_ros"

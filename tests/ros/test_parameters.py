@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.ros import bent
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.ros import parameters
-from hcbf_gym.ros.parameters import Settings, SourceSettings, read
+from hcbf_robots.ros import parameters
+from hcbf_robots.ros.parameters import Settings, SourceSettings, read
 
 PAGE = Path(__file__).parents[2] / "docs" / "ros.md"
 CART = {"max_forward": 0.5, "max_turn": 1.0, "look_ahead": 0.2}

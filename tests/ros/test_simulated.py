@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hcbf_gym.ros.robot import SimulatedRobot
+from hcbf_robots.ros.robot import SimulatedRobot
 from tests.robots.walkers import CARTS, LEARNED
 
 pytestmark = pytest.mark.physics

@@ -2,7 +2,7 @@
 
 import threading
 
-from hcbf_gym.ros.worker import Worker
+from hcbf_robots.ros.worker import Worker
 
 
 def test_a_job_that_waits_gives_way_to_a_newer_one_of_its_name():

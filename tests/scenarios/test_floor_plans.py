@@ -11,8 +11,8 @@ from scipy import ndimage
 
 from hcbf_gym import policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.maps import Grid, MapClass, RankedMap, floor_plans
-from hcbf_gym.maps.floor_plans import APART, CLEAR, FOLDER, NAMES
+from hcbf_robots.maps import Grid, MapClass, RankedMap, floor_plans
+from hcbf_robots.maps.floor_plans import APART, CLEAR, FOLDER, NAMES
 
 
 def script():

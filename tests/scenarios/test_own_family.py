@@ -10,9 +10,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from hcbf_gym import cli, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.evaluation.certification.families import SceneFamily
 from hcbf_gym.evaluation.rollouts import Case, evaluate
 from hcbf_gym.scenarios import DISC, random_scenes
+from hcbf_lab.certification.families import SceneFamily
 
 ID, LIMIT = "HCBF-Regions-v0", 60
 POND = f"{Path(__file__).with_name('tarn.py')}:tarn"

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.studies.identification.record import Runner
+from hcbf_robots.identification.record import Runner
 
 HEADER = ("time", "cmd_vx", "cmd_vy", "cmd_w", "x", "y", "yaw", "vx", "vy", "w")
 

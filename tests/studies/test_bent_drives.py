@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from hcbf_gym import Command
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.studies.identification.log import identify_log
+from hcbf_robots import Command
+from hcbf_robots.identification.log import identify_log
 from tests.studies import drives
 
 STEP = 0.02

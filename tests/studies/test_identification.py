@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.robots.walker import Walker
-from hcbf_gym.robots.walker_margins import braked, uncertainty
-from hcbf_gym.robots.walker_response import Response
-from hcbf_gym.studies.identification import command
-from hcbf_gym.studies.identification.identify import identify
-from hcbf_gym.studies.identification.model import fit, late, respond
+from hcbf_robots.identification import command
+from hcbf_robots.identification.identify import identify
+from hcbf_robots.identification.model import fit, late, respond
+from hcbf_robots.walkers.walker import Walker
+from hcbf_robots.walkers.walker_margins import braked, uncertainty
+from hcbf_robots.walkers.walker_response import Response
 
 PERIOD = 0.02
 

@@ -10,12 +10,12 @@ import pytest
 from drives import HEADER, drive, recorded, write
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.online import Response
-from hcbf_gym.robots import Walker
-from hcbf_gym.studies.identification import command
-from hcbf_gym.studies.identification.identify import identify
-from hcbf_gym.studies.identification.log import identify_log, read
-from hcbf_gym.studies.identification.model import respond
+from hcbf_robots.identification import command
+from hcbf_robots.identification.identify import identify
+from hcbf_robots.identification.log import identify_log, read
+from hcbf_robots.identification.model import respond
+from hcbf_robots.online import Response
+from hcbf_robots.walkers import Walker
 
 PARTS = {
     "both": {},

@@ -17,8 +17,8 @@ from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.scenarios import BoxObstacle
-from hcbf_gym.studies.reproduction import figure5, figures67
-from hcbf_gym.studies.tuning import Samples
+from hcbf_lab.reproduction import figure5, figures67
+from hcbf_lab.tuning import Samples
 
 ROOT = Path(__file__).parents[2]
 
@@ -224,7 +224,7 @@ def test_a_command_says_what_was_wrong_in_one_line_and_fails(tmp_path):
 
 
 def test_the_reduced_order_model_has_figure_5_alone(tmp_path):
-    from hcbf_gym.studies.reproduction import command
+    from hcbf_lab.reproduction import command
 
     with pytest.raises(InvalidInputError, match=r"expected one of \['fig5'\]"):
         command.main(command.Args("fig6", model="rom", output=tmp_path))

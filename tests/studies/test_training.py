@@ -18,10 +18,10 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecNorm
 from hcbf_gym import policies, wrappers
 from hcbf_gym.errors import HcbfError, InvalidInputError, UnknownNameError
 from hcbf_gym.policies import learned
-from hcbf_gym.studies.training import TrainingConfig, checkpoint, train
-from hcbf_gym.studies.training.callbacks import LearnFromFiltered
-from hcbf_gym.studies.training.config import make_env, make_model, make_vector
-from hcbf_gym.studies.training.export import export
+from hcbf_gym.training import TrainingConfig, checkpoint, train
+from hcbf_gym.training.callbacks import LearnFromFiltered
+from hcbf_gym.training.config import make_env, make_model, make_vector
+from hcbf_gym.training.export import export
 from hcbf_gym.wrappers import VectorHoldAction
 from hcbf_gym.wrappers.sb3 import Sb3VecEnv
 

@@ -15,7 +15,7 @@ from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation.rollouts import Case
 from hcbf_gym.programs import CbfRows
-from hcbf_gym.studies.tuning import Cost, Normal, Problem, TuningStudy, simulate
+from hcbf_lab.tuning import Cost, Normal, Problem, TuningStudy, simulate
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
@@ -114,7 +114,7 @@ def test_a_killed_study_goes_on_with_the_samples_that_were_to_come(
             raise KeyboardInterrupt
         return whole(self, *args, **options)
 
-    monkeypatch.setattr("hcbf_gym.studies.tuning.study.DRAWS", 10)
+    monkeypatch.setattr("hcbf_lab.tuning.study.DRAWS", 10)
     monkeypatch.setattr(Problem, "costs", costs_until_the_power_fails)
     with pytest.raises(KeyboardInterrupt):
         TuningStudy(problem, Normal(), sampler, 1, storage).run(35)

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
 import hcbf_gym
+import hcbf_robots
 from hcbf_gym import barriers, models, scenarios, wrappers
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.errors import HcbfError
@@ -399,7 +400,7 @@ def guided(goal, told, extent, guidance, solver, resets):
 )
 def driven(goal, poses, twist, guidance):
     """A loop of one's own, whose messages are bent from the first one on."""
-    loop = hcbf_gym.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
+    loop = hcbf_robots.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
     for k, pose in enumerate(poses):
         told = (0.0, 0.0, 0.0) if type(twist) is float and twist == 0.0 else twist
         command, report = loop.step((0.5, 0.1, 0.0), pose, told, 0.05 * k)

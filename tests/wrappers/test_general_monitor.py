@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from hcbf_gym import _core
 from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers.unknown import largest
-from hcbf_gym.filtering import plants, report
-from hcbf_gym.filtering.model_rows import driven_alone
-from hcbf_gym.filtering.samples import State
+from hcbf_gym.filter import plants, report
+from hcbf_gym.filter.model_rows import driven_alone
+from hcbf_gym.filter.samples import State
 from hcbf_gym.models import (
     Box,
     ControlAffine,

@@ -7,14 +7,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import Command, Plant, models
+from hcbf_gym import Plant, models
 from hcbf_gym.barriers import HalfPlane, SpeedLimit, braking
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate
-from hcbf_gym.robots.walker_adapter import Adapter
-from hcbf_gym.robots.walker_margins import braked, speed_row, stops, uncertainty
-from hcbf_gym.robots.walker_parts import HEADINGS
 from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots import Command
+from hcbf_robots.walkers.walker_adapter import Adapter
+from hcbf_robots.walkers.walker_margins import braked, speed_row, stops, uncertainty
+from hcbf_robots.walkers.walker_parts import HEADINGS
 from tests.online.test_turning import EXACT
 from tests.online.test_unmeasured import Lagged
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import numbers_of
-from hcbf_gym.filtering import plants
+from hcbf_gym.filter import plants
 from hcbf_gym.models.plant import Reason
 
 PERIOD, LIMIT = 0.02, 5.0

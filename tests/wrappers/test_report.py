@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym  # noqa: F401 - registers the environments
-from hcbf_gym.filtering import report
+from hcbf_gym.filter import report
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 U = np.array([1.0, 0.5])

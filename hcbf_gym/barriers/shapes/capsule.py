@@ -8,14 +8,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
-from hcbf_gym.barriers.shape import (
-    Planar,
-    Shape,
-    set_pairs,
-    set_positive,
-    shifted,
-    traced_norm,
-)
+from hcbf_gym.barriers.shape import Planar, Shape, set_pairs, set_positive, shifted, traced_norm
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.constants import ON_EARTH
 

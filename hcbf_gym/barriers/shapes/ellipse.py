@@ -8,13 +8,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
-from hcbf_gym.barriers.shape import (
-    Oval,
-    Planar,
-    Shape,
-    set_pairs,
-    shifted,
-)
+from hcbf_gym.barriers.shape import Oval, Planar, Shape, set_pairs, shifted
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import ON_EARTH
 

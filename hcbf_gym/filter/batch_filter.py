@@ -1,0 +1,244 @@
+"""The compiled filter by its front door: for N planar double integrators of any simulator."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym import programs
+from hcbf_gym.arrays import Array, Info, Mask
+from hcbf_gym.barriers.many import Element, is_list
+from hcbf_gym.barriers.set import BarrierSet, Condition
+from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, floats, reals
+from hcbf_gym.filter.array_kinds import Numbers, like, numpy_of
+from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.settings import FilterSettings
+from hcbf_gym.models import input_sets
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.programs import ConflictReport
+
+
+class BatchFilter:
+    """Filters the inputs of N planar double integrators, each with a ranked scene of its own.
+
+    ``ẋ = (v, u)``; u is held for one period. A plant whose state is not finite, of no sample or of
+    a time that does not go on is brought to rest alone: its `status` is BACKUP and its `reason`
+    says why.
+
+    Args:
+        input_set: U of each plant [m/s²].
+        period: T, how long an input is held [s].
+        num_envs: N; None for one plant, whose arrays have no leading N.
+        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
+        guidance: as `wrappers.SafetyFilter` takes it.
+        uncertainty: how far a plant may be from its model; the default is an exact model.
+        extent: ((x_min, y_min), (x_max, y_max)) of the world [m], for guidance; None takes it from
+            barriers, states and goals.
+        on_alarm: "warn" or "brake", where a plant is not the one that was declared.
+        threads: how many cores work at once; what comes out is the same.
+        **options: as `wrappers.SafetyFilter` takes them, and `rows`.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, or U is not planar.
+
+    Examples:
+        >>> import numpy as np
+        >>> import hcbf_gym
+        >>> from hcbf_gym.barriers import Disc
+        >>> from hcbf_gym.models.input_sets import Box
+        >>> filt = hcbf_gym.BatchFilter(Box.symmetric(5.0), 0.02, num_envs=1000)
+        >>> filt.set_scene([Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+        >>> x = np.zeros((1000, 4))
+        >>> report = filt.reset(x=x)
+        >>> u, report = filt(np.ones((1000, 2)), x)
+        >>> u.shape, report["h"].shape
+        ((1000, 2), (1000, 1))
+    """
+
+    def __init__(
+        self,
+        input_set: InputSet,
+        period: float,
+        num_envs: int | None = None,
+        program: programs.Named = "lex-cbf-qp",
+        guidance: str | Mapping[str, object] | None = None,
+        uncertainty: Uncertainty = EXACT,
+        extent: ArrayLike | None = None,
+        on_alarm: str = "warn",
+        threads: int = 1,
+        **options: Any,
+    ):
+        input_set = input_sets.read("input_set", input_set)
+        if input_set.n_u != 2:
+            raise InvalidInputError(f"input_set: got {input_set!r}, expected one of two inputs")
+        self.num_envs = None if num_envs is None else count("num_envs", num_envs)
+        self._count = 1 if num_envs is None else int(num_envs)
+        finite_float("period", period, minimum=0.0, exclusive=True)
+        rows = options.pop("rows", "held")
+        plant = Plant(
+            DoubleIntegrator(), _nothing, _nothing, input_set, period=period, goal=None,
+            extent=extent, uncertainty=uncertainty,
+        )  # fmt: skip
+        settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
+        self._core = FilterCore(plant, input_set, settings, num_envs, count("threads", threads))
+        self._barriers: Any = None
+        self._scenes: BarrierSet | None = None
+        self._goal: Array | None = None
+        self._extent = extent
+        self._begun: Mask = np.zeros(self._count, dtype=np.bool_)
+
+    @property
+    def goal(self) -> Array | None:
+        """(N, 2) where guidance leads [m]; it may be set to (2,) or (N, 2) at any time."""
+        return None if self._goal is None else self._goal.copy()
+
+    @goal.setter
+    def goal(self, goal: object) -> None:
+        given = numpy_of("goal", goal)
+        goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
+        self._goal = np.broadcast_to(goals, (self._count, 2)).copy()
+
+    def conditions(self, i: int = 0) -> list[Condition]:
+        """Return name and rank of each row in the report of plant `i`."""
+        i = count("i", i, minimum=0, maximum=self._count - 1)
+        return [] if self._scenes is None else self._scenes.conditions(i)
+
+    def conflict(self, i: int = 0) -> ConflictReport | None:
+        """Return which conditions no input met together at the last step of plant `i`.
+
+        Returns:
+            `rows` are indices of `conditions(i)`; None where there was no conflict, or the state
+            was not accepted.
+        """
+        return self._core.conflict(i)
+
+    def set_scene(self, barriers: Sequence[Element] | Sequence[Sequence[Element]]) -> None:
+        """Set the scenes; a filter whose scene was refused brings all plants to rest.
+
+        Args:
+            barriers: a sequence of barriers for all plants, or N such sequences. `Shapes` in a
+                sequence for all may hold arrays of each plant.
+
+        Raises:
+            InvalidInputError: if they are no scenes, or a speed limit cannot be satisfied.
+        """
+        self._scenes = self._barriers = None
+        if is_list(barriers):
+            barriers = tuple(tuple(one) if is_list(one) else one for one in barriers)
+        scenes = self._core.scenes.read(barriers)
+        self._core.scenes.check_limits(scenes)
+        self._scenes, self._barriers = scenes, barriers
+
+    def reset(self, mask: object = None, x: object = None, goal: object = None) -> Info:
+        """Begin new episodes, and return the report of their first states.
+
+        Args:
+            mask: (N,) which plants begin; None for all.
+            x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
+            goal: (2,) or (N, 2) where guidance leads [m]; None leaves it as it is.
+
+        Raises:
+            InvalidInputError: if there is no scene or no state, guidance has no goal, or an array
+                is of another shape.
+        """
+        if self._barriers is None:
+            raise InvalidInputError("reset: there is no scene, expected set_scene(…) before")
+        if x is None:
+            raise InvalidInputError("reset: got no x, expected the states (N, 4) of all plants")
+        chosen = np.ones(self._count, dtype=np.bool_)
+        if mask is not None:
+            chosen = numpy_of("mask", mask)
+            if chosen.dtype != np.bool_ or chosen.shape != (self._count,):
+                raise InvalidInputError(
+                    f"mask: got {chosen.dtype} {chosen.shape}, expected bool ({self._count},)"
+                )
+        if goal is not None:
+            given = numpy_of("goal", goal)
+            goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
+            kept = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
+            self._goal = np.where(chosen[:, None], goals, kept)
+        if self._core.guides and (self._goal is None or not np.isfinite(self._goal[chosen]).all()):
+            raise InvalidInputError("goal: got none for a plant that begins, expected (x, y) [m]")
+        self._begun &= ~chosen  # a reset that fails leaves them without an episode
+        self._core.restart(chosen)
+        self._core.cover(Coverage.OUTSIDE)
+        report = self._core.begin(
+            self._barriers, self._estimate(x, None, None, None), self._goal, self._extent
+        )
+        self._begun |= chosen
+        back = like(x.x if isinstance(x, Estimate) else x)
+        return {key: back(value) for key, value in report.items()}
+
+    def __call__(
+        self,
+        u_nominal: object,
+        x: object,
+        time: object = None,
+        *,
+        elapsed: object = None,
+        missing: object = None,
+    ) -> tuple[Any, Info]:
+        """Return u and the report, arrays of the kind that u* is.
+
+        Args:
+            u_nominal: u* (N, 2) [m/s²] of 32 or 64 bits; u has its type, and is as reported.
+            x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
+            time: () or (N,) of the states [s]; None counts periods since the reset.
+            elapsed: () or (N,) since the samples before [s], where periods vary; None is one.
+            missing: (N,) of which plants there is no sample now; None for none.
+
+        Raises:
+            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+        """
+        if not self._begun.all():
+            raise InvalidInputError(
+                f"batch filter: got a step before a reset of {int((~self._begun).sum())} of "
+                f"{self._count} plants, expected reset(x=…) first"
+            )
+        shape = (2,) if self.num_envs is None else (self._count, 2)
+        wanted = floats("u_nominal", u_nominal, shape)
+        back = like(u_nominal)
+        self._core.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
+        estimate = self._estimate(x, time, elapsed, missing)
+        world = self._goal, self._extent
+        u, report = self._core.step(
+            wanted.astype(np.float64), self._barriers, estimate, world=world
+        )
+        return back(u.astype(self._core.made.dtype)), {
+            k: back(value) for k, value in report.items()
+        }
+
+    def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:
+        """Return what is known of the plants."""
+        given = x.x if isinstance(x, Estimate) else x
+        known = floats("x", numpy_of("x", given))
+        estimate = x._replace(x=known) if isinstance(x, Estimate) else Estimate(known)
+        if time is not None:
+            estimate = estimate._replace(time=reals("time", self._of_all("time", time)))
+        if elapsed is not None:
+            since = reals("elapsed", self._of_all("elapsed", elapsed))
+            estimate = estimate._replace(elapsed=since)
+        if missing is not None:
+            absent = self._of_all("missing", missing)
+            if absent.dtype != np.bool_ or absent.shape != (self._count,):
+                raise InvalidInputError(
+                    f"missing: got {absent.dtype} {absent.shape}, expected bool ({self._count},)"
+                )
+            age = 0.0 if estimate.age is None else estimate.age
+            estimate = estimate._replace(age=np.where(absent, math.inf, age))
+        return estimate
+
+    def _of_all(self, name: str, value: object) -> Numbers:
+        """Return a number of each plant, of which one may be given for all."""
+        given = numpy_of(name, value)
+        return np.broadcast_to(given, self._count) if given.ndim == 0 else given
+
+
+def _nothing(*_: object) -> tuple[()]:
+    """Stand for readers that this filter does not use: it is handed everything."""
+    return ()

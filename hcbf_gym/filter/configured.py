@@ -1,0 +1,285 @@
+"""The immutable configuration of a filter of N plants: validated settings, and the program."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from hcbf_gym import programs
+from hcbf_gym.arrays import Records
+from hcbf_gym.barriers import axle_rows, braking, class_k
+from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers.rows import RowSettings
+from hcbf_gym.barriers.unknown import Reserve
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    SafetyWarning,
+    check_options,
+    choose,
+    flag,
+    warn_caller,
+)
+from hcbf_gym.filter import plants
+from hcbf_gym.filter.settings import (
+    ROW_OPTIONS,
+    FilterSettings,
+    check_hold,
+    dip_of,
+    input_limits,
+    kept,
+)
+from hcbf_gym.guidance.extent import CELL, FINE
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import ON_ALARM, Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+FAR_OFF = 0.15
+"""What rows may ask of a cart that drives along a wall before that is warned of [m]."""
+
+
+class Configured:
+    """What a filter of N plants never changes.
+
+    Attributes:
+        alpha1: α₁ as the rows have it, scaled down to what U can brake.
+        alpha2: α₂.
+        alpha1_scale: by which factor; 1 where U can.
+        row_settings: how rows are made, for a held or any other input.
+        uncertainty: what they reserve.
+        dtype: of the environment's actions.
+        words: the numbers of a `plants.CONSTANTS`.
+        program: see `plants.constants`.
+        solver: the program of a solver by name; None for the compiled one.
+
+    Args:
+        plant: of the environment.
+        input_set: U.
+        settings: what the user requests.
+        count: N.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, or the hold is too long for α₁
+            or α₂.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        input_set: InputSet,
+        settings: FilterSettings,
+        count: int,
+    ):
+        choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
+        flag("allow_late_inputs", settings.allow_late_inputs)
+        if input_set.n_u != plant.model.n_u:
+            raise InvalidInputError(
+                f"inputs: got a set of {input_set.n_u} entries with {plant.model}, expected "
+                f"{plant.model.n_u}: give Plant(input_set=…), and to_action and from_action where "
+                "the environment's actions are others"
+            )
+        allowed = (*ROW_OPTIONS, *programs.options(settings.program))
+        check_options(f"safety filter {settings.program!r}", settings.options, allowed)
+        if plant.axle is not None and settings.solver is not None:
+            raise InvalidInputError(
+                f"solver: got {settings.solver!r} with a differential drive, expected None: its U "
+                "turns with its heading, which the compiled program follows"
+            )
+        self.plant, self.input_set, self.settings = plant, input_set, settings
+        self.count = count
+        self._check_axle()
+        self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
+        self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
+        self.alpha1_scale = self._fit_alpha1()
+        held = settings.rows == "held" and self.is_planar and plant.period is not None
+        self.row_settings = self._row_settings(held)
+        if not held and plant.period is not None:
+            check_hold(plant.period, alpha2=self.alpha2)
+        dip = 0.0 if held else dip_of(plant, input_set)
+        if plant.axle is not None:
+            dip += plant.axle.strays(plant.period or 0.0)
+        self.uncertainty = kept(plant, settings.margin, dip)
+        if plant.period is None:
+            warn_caller(
+                "safety filter: the plant's period is not known, so that rows are those of one "
+                "instant and promise nothing between samples; expected Plant(period=…) [s]",
+                SafetyWarning,
+            )
+        self.dtype = np.dtype(np.float64)
+        on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
+        self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
+        self._make_program(held)
+
+    @cached_property
+    def reserve(self) -> Reserve:
+        """What rows reserve whose h is no built-in shape of the planar double integrator."""
+        declared = self.plant.uncertainty.distance if self.settings.margin is None else 0.0
+        kept, period = self.uncertainty, self.plant.period
+        fixed = kept.distance - declared
+        return Reserve(self.plant.model, self.input_set, kept, fixed, period)
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell of guidance's field [m]: finer where a body is to pass gaps."""
+        return FINE if self.uncertainty.body > 0.0 else CELL
+
+    @cached_property
+    def clearance(self) -> float:
+        """How far off strict edges guidance leads [m].
+
+        What rows reserve, and of a body what they ask for besides close to an edge, so that it is
+        led through no gap that they close. Half a cell less: a cell is open where a place in it is.
+        """
+        reserved = self.uncertainty.distance + self.uncertainty.body
+        if self.uncertainty.body == 0.0:
+            return reserved
+        axle, period = self.plant.axle, self.plant.period or 0.0
+        u_max = self.input_set.radius if axle is None else axle.hardest
+        besides = 0.5 * u_max * period**2
+        if axle is not None:
+            settings = self._axle_settings(self.row_settings.held)
+            besides += axle_rows.at_a_glance(settings, axle.jerk(period))
+        return reserved + besides - 0.5 * self.cell
+
+    def _check_axle(self) -> None:
+        """Refuse a differential drive that brakes harder than U lets it.
+
+        Raises:
+            InvalidInputError: if it does. Where U is the environment's action space, which clips,
+                the whole rectangle of inputs has to lie in it at every heading.
+        """
+        axle = self.plant.axle
+        if axle is None:
+            return
+        given = self.plant.input_set is not None
+        most = self.input_set.radius if given else braking.weakest(self.input_set)
+        hardest = axle.braking if given else axle.hardest_of_point
+        if hardest > most * (1.0 + 1e-6):  # 32 bits of an action space
+            what = "the braking" if given else "the largest input, along and across the heading,"
+            raise InvalidInputError(
+                f"axle: got {what} of {hardest:.4g} m/s² with {self.input_set}, which holds "
+                f"{most:.4g} m/s², expected an Axle(braking=…) within U, or a larger U"
+            )
+
+    def _make_program(self, held: bool) -> None:
+        """Make the program, and write what compiled code never changes.
+
+        Args:
+            held: whether rows are made for a held input.
+        """
+        asked, input_set, plant = self.settings, self.input_set, self.plant
+        options = {k: v for k, v in asked.options.items() if k not in ROW_OPTIONS}
+        self.solver: programs.Program | None = None
+        if asked.solver is not None or input_set.n_u != 2:
+            self.solver = programs.make(
+                asked.program, input_set=input_set, solver=asked.solver, **options
+            )
+        compiled = plants.solved_outside(input_set.radius)
+        if input_set.n_u == 2:
+            batch = programs.make_batch(asked.program, input_set=input_set, **options)
+            compiled = batch.settings_of(self.count)
+            if plant.axle is not None and compiled.by_level:  # a strict rank for what moves
+                weights = np.insert(compiled.weights, 1, np.inf, axis=1)
+                compiled = compiled._replace(weights=weights)
+        own = plant.uncertainty.distance if asked.margin is None else 0.0
+        leans = self.uncertainty.cap > 0.0
+        numbers = self.uncertainty._asdict()
+        numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
+        numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
+        numbers["observed"] = True
+        numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
+        numbers["settles"] = self.uncertainty.per_velocity if leans else 0.0
+        numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
+        axle, period = plant.axle, plant.period or 0.0
+        if axle is not None:
+            numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
+            settings = self._axle_settings(held)
+            numbers["axle_rows"] = settings.packed
+            self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))
+        self.words, self.program = plants.constants(compiled, numbers)
+        if axle is not None:  # its U turns with the heading, and is written at every step
+            nothing = np.zeros((1, 4, 2))
+            self.program = plants.with_vertices(self.constants, self.program, nothing)
+
+    @property
+    def constants(self) -> Records:
+        """(1,) `plants.CONSTANTS`, which look into `words`."""
+        return self.words.view(plants.CONSTANTS)
+
+    def applied_as(self, dtype: DTypeLike) -> None:
+        """Note the type of the environment's actions; strict rows reserve what rounding takes."""
+        self.dtype = np.dtype(dtype)
+        rounds = self.dtype == np.float32
+        rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
+        self.constants["rounding"] = rounding if rounds else 0.0
+
+    @cached_property
+    def gain(self) -> float:
+        """The greatest acceleration of the planar velocity by an input [m/s²]."""
+        if self.plant.axle is not None:
+            return self.plant.axle.braking
+        model, at = self.plant.model, self.plant.model.velocity_at
+        if self.is_planar or at is None:
+            return self.input_set.radius
+        gain = np.linalg.norm(model.g(np.zeros(model.n))[at : at + 2], 2)
+        return float(gain) * self.input_set.radius
+
+    def _fit_alpha1(self) -> float:
+        """Scale α₁ down to what the robot can brake, and return the factor, which reports repeat.
+
+        Raises:
+            InvalidInputError: if U cannot brake in some direction at all.
+        """
+        if not isinstance(self.plant.model, DoubleIntegrator):
+            return 1.0
+        able = braking.weakest(self.input_set)
+        if able <= 0.0:
+            raise InvalidInputError(
+                f"input set: got {self.input_set}, which holds no braking input in some direction; "
+                "expected 0 inside it, not on its edge"
+            )
+        period = self.plant.period if self.settings.rows == "held" else None
+        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        held = period is not None and steepest * period <= 1.0
+        brakes = able if self.plant.braking is None else min(able, self.plant.braking)
+        factor = braking.share(self._row_settings(held), brakes)
+        if factor < 1.0:
+            self.alpha1 = self.alpha1.scaled(factor)
+        if self.plant.axle is not None:
+            stretch = axle_rows.share(self._axle_settings(held), self.plant.axle)
+            self.alpha1 = self.alpha1.stretched(stretch)
+            factor *= stretch
+        return factor
+
+    def _warn_of_clearance(self, clearance: float) -> None:
+        """Warn where a differential drive is sampled so slowly that it stays far off walls."""
+        axle, period = self.plant.axle, self.plant.period
+        if axle is not None and clearance > FAR_OFF:
+            warn_caller(
+                f"safety filter: at a period of {period:g} s a cart that turns at {axle.turn:g} "
+                f"rad/s stays {clearance:.2g} m off walls besides its margin; expected a shorter "
+                "period, or a lower turn or forward speed",
+                CoverageWarning,
+            )
+
+    def _axle_settings(self, held: bool) -> RowSettings:
+        """Return how rows on a differential drive's axle are made."""
+        assert self.plant.axle is not None
+        period = self.plant.period if held else None
+        return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest)
+
+    @cached_property
+    def is_planar(self) -> bool:
+        """Whether the model is the planar double integrator, whose rows are compiled and held."""
+        return self.plant.model == DoubleIntegrator()
+
+    def _row_settings(self, held: bool) -> RowSettings:
+        """Return how rows are made, for a held input or for one instant."""
+        period = self.plant.period if held else None
+        if not self.is_planar:
+            return RowSettings(self.alpha1, self.alpha2)
+        if self.plant.axle is not None:
+            return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest_of_point)
+        low, high = input_limits(self.input_set)
+        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius, (low, high))

@@ -1,0 +1,322 @@
+"""From u* to u for N plants of any model: sample, rows, guidance, program, report."""
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from hcbf_gym import _core
+from hcbf_gym.arrays import Array, Info, Mask, numbers_of
+from hcbf_gym.barriers.layout import LOWEST_RANK
+from hcbf_gym.barriers.set import Condition
+from hcbf_gym.errors import InvalidInputError, UnreachableError, finite_array, shown
+from hcbf_gym.filter import bound, plants
+from hcbf_gym.filter.bound import Bound, SceneArrays
+from hcbf_gym.filter.causes import ReasonWarnings, cause_of
+from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.conflict import conflict_of
+from hcbf_gym.filter.covering import Covering
+from hcbf_gym.filter.guide import Guide
+from hcbf_gym.filter.model_rows import ModelRows
+from hcbf_gym.filter.planar_rows import PlanarRows
+from hcbf_gym.filter.report import ReportBuffer
+from hcbf_gym.filter.samples import Samples, real_numbers
+from hcbf_gym.filter.scenes import Scenes
+from hcbf_gym.filter.settings import FilterSettings
+from hcbf_gym.models.input_sets import InputSet
+from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
+from hcbf_gym.programs import ConflictReport, FilterStatus
+
+
+class FilterCore:
+    """The filter of N plants: `sample`, `scenes` and `rows`, `guide`, `bound` and `report`.
+
+    A solver by name takes the place of the compiled program alone.
+
+    Attributes:
+        made: settings and what follows from them.
+        covering: whether the promise was tested.
+        scenes: the barriers as they are now.
+
+    Args:
+        plant: of the environment.
+        input_set: U.
+        settings: what the user requests.
+        batch: N of a batch; None for one plant, whose arrays have no leading N.
+        threads: how many cores filter parts of a batch at once.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if an option is unknown or out of range, the hold is too long for α₁ or
+            α₂, or barriers that never change cannot be satisfied.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        input_set: InputSet,
+        settings: FilterSettings,
+        batch: int | None = None,
+        threads: int = 1,
+    ):
+        self.plant, self.input_set = plant, input_set
+        self._alone, self.count = batch is None, 1 if batch is None else batch
+        self.made = made = Configured(plant, input_set, settings, self.count)
+        self.samples = Samples(plant, input_set.n_u, self.count, apart=not made.is_planar)
+        self._report = ReportBuffer(batch, input_set.n_u)
+        self._report.plants["alpha1_scale"] = made.alpha1_scale
+        self.covering = Covering(plant, self.count)
+        self._bound = Bound(made, self.samples, self._report, threads)
+        kind = PlanarRows if made.is_planar else ModelRows
+        self._rows = kind(made, self.samples, self._bound)
+        self._guide = Guide(made, self.samples)
+        self.scenes = Scenes(made, self.samples, self._rows, self.covering)
+        self._warnings = ReasonWarnings(made.brakes_on_alarm)
+        self._steps: Array = np.zeros(self.count)
+        self._m = -1  # there was no scene yet
+        self._last: tuple[SceneArrays, Array] | None = None  # scenes and rows of the last step
+        if not callable(plant.barriers):
+            self.scenes.take_static(plant.barriers)
+
+    @property
+    def guides(self) -> bool:
+        """Whether guidance leads the plants, so that they need a goal."""
+        return self._guide.guides
+
+    @property
+    def lost(self) -> str:
+        """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
+        return self._guide.why(np.ones(self.count, dtype=np.bool_))
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """Name and rank of the conditions of plant 0, in the order of the report's rows."""
+        return self.scenes.now.conditions()
+
+    def restart(self, mask: Mask) -> None:
+        """Forget what was known of the masked plants (N,): new episodes have begun there."""
+        self.join(mask)
+        self.scenes.placing.forget(mask)
+        self._steps[mask] = 0.0
+        self._warnings.forget(Reason.MOVES)
+
+    def join(self, mask: Mask) -> None:
+        """Forget the states of the masked plants (N,), whose episodes and clocks continue."""
+        self.samples.forget(mask)
+        self.scenes.forget(mask)
+
+    def go_on_from(self, other: "FilterCore") -> None:
+        """Let shapes count from when they do in another filter of the same plants."""
+        self.scenes.placing = copy(other.scenes.placing)
+        self.scenes.placing.is_due = True
+
+    def look_again(self) -> None:
+        """Let the next `begin` look at scenes, goals and extents anew; what is known stays."""
+        self.samples.fresh[:] = True
+
+    def follow_maps(self, follows: bool) -> None:
+        """Let guidance take up maps that change, or lead by what it knew when the scene began."""
+        self._guide.follows = follows
+
+    def leave_monitor(self) -> None:
+        """Compare nothing: the caller propagates the states and compares its own measurements."""
+        self.made.constants["observed"] = False
+
+    def applied_as(self, dtype: DTypeLike) -> None:
+        """Note the type of the environment's actions; strict rows reserve what rounding takes."""
+        self.made.applied_as(dtype)
+
+    def set_inputs(self, vertices: Array) -> None:
+        """Give each plant its U from now on, within the ball that the first U lies in.
+
+        Args:
+            vertices: (N, V, 2) its corners, counter-clockwise, around 0.
+        """
+        corners = finite_array("vertices", vertices, (self.count, None, 2))
+        self.made.program = plants.with_vertices(self.made.constants, self.made.program, corners)
+
+    def cover(self, covered: object) -> None:
+        """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
+        self.covering.begin(covered, self.samples.fresh)
+
+    def follow_cover(self, covered: object) -> None:
+        """Note where the promise is no longer a tested one; see `Covering.follow`."""
+        self.covering.follow(covered)
+
+    def begin(
+        self,
+        barriers: object,
+        estimate: Estimate,
+        goal: object,
+        extent: object,
+        since: float | None = None,
+        is_first: bool = True,
+    ) -> Info:
+        """Look at the first states of new episodes, and return the report of a reset.
+
+        Args:
+            barriers: as they are now.
+            estimate: of the states.
+            goal: where guidance leads [m].
+            extent: of the world [m]; None where none is known.
+            since: as `step` takes it.
+            is_first: whether a malformed goal or extent is refused; if not, the plants brake.
+
+        Raises:
+            InvalidInputError: if barriers require what cannot be, or leave an input to the policy
+                that moves them later.
+        """
+        self._take(barriers, estimate, since)
+        refusal = self.scenes.refusal
+        if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
+            raise refusal  # where no input reaches them, or their code fails, they brake
+        fresh = self.samples.fresh
+        if self.made.is_planar:
+            scenes = self.scenes.now
+            self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
+            self._guide.begin(scenes, (goal, extent), fresh, is_first)
+        fresh[:] = False
+        remembered, counted = self._rows.remembered(), self._steps.copy()
+        n_u = self.input_set.n_u
+        nothing = np.zeros(n_u if self._alone else (self.count, n_u))
+        u, report = self.step(nothing, barriers, estimate, since)
+        self._rows.restore(remembered)
+        self.scenes.is_due = True
+        self._steps[:] = counted
+        report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
+        report["u_safe"] = np.zeros_like(u)
+        for key in ("slack", "delta", "intervention", "fallbacks"):
+            report[key] = np.zeros_like(report[key])[()]
+        return report
+
+    def step(
+        self,
+        u_nominal: Array,
+        barriers: object,
+        estimate: Estimate,
+        since: float | None = None,
+        world: tuple[object, object] | None = None,
+    ) -> tuple[Array, Info]:
+        """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
+
+        Args:
+            u_nominal: u*.
+            barriers: as the plants' reader returns them.
+            estimate: of the plants.
+            since: the time from which shapes count that are others than before [s]; None is the
+                present.
+            world: goal and extent as they are now [m]; None is as they were.
+        """
+        report = self._report
+        self._take(barriers, estimate, since)
+        if self.covering.is_new or not self._alone:
+            self.covering.write(report.plants)
+        scene = self.scenes.now
+        if scene.kind.shape[1] != self._m:
+            self._m = scene.kind.shape[1]
+            report.widen(self._m, self._m + self._guide.has_row)
+            self._rows.widen(self._m)
+        report.u_nominal[...] = u_nominal
+        if self._guide.guides:
+            self._guide.lead(scene, report.u_nominal, world)
+        self._last = bound.arrays_of(scene), self._rows.make(scene, u_nominal)
+        answer = self._bound.filter(*self._last)
+        if answer in (bound.NOT_FINITE, bound.MISSHAPED):
+            self._refuse(answer, u_nominal)
+        if estimate.time is None:
+            self._steps += 1.0
+        if answer == bound.ASKS:
+            self._finish(estimate)
+        found = report.report()
+        return found["u_safe"], found
+
+    def conflict(self, i: int = 0) -> ConflictReport | None:
+        """Return which conditions no input of U met together at the last step of plant i.
+
+        Returns:
+            `rows` are indices of `conditions`; None where one input met all, or the state of the
+            plant was not accepted.
+        """
+        if self._last is None or 0 < self._report.plants["reason"][i] < FIRST_ALARM:
+            return None
+        scene, own = self._last
+        sensed = self.samples.plants.copy()
+        sensed["known"] = 0  # or the time of the same sample would not advance
+        numbers, rows = (words.copy() for words in self._report.words)
+        made = self.made
+        asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
+        asked.set_scene(*scene, own)
+        asked.set_report(numbers, rows)
+        turns = self.plant.axle is not None
+        slack = self._report.rows["slack"][i]
+        return conflict_of(asked, i, slack, None if turns else self.input_set)
+
+    def _take(self, barriers: object, estimate: Estimate, since: float | None) -> None:
+        """Note the states, and the barriers as they are now.
+
+        A batch's report gets memory that nobody else holds: the user has that of the last one.
+        """
+        if not self._alone:
+            self._report.renew()
+            self._report.plants["alpha1_scale"] = self.made.alpha1_scale
+        now: ArrayLike | None = None
+        if estimate.time is None:
+            now = self._steps * (self.plant.period or 0.0)
+        self.samples.take(estimate, now)
+        self.scenes.take(barriers, estimate, since)
+
+    def _refuse(self, answer: int, u_nominal: Array) -> None:
+        """Refuse u* that is not finite, or scenes that are not of these plants.
+
+        Raises:
+            InvalidInputError: always.
+        """
+        if answer == bound.MISSHAPED:
+            raise InvalidInputError(
+                f"barriers: got scenes of the shape {self.scenes.now.kind.shape} for {self.count} "
+                f"plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
+            )
+        bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
+        raise InvalidInputError(
+            f"action: got {shown(np.atleast_2d(u_nominal)[bad].tolist())} for the plants "
+            f"{shown(np.flatnonzero(bad).tolist())}, expected finite numbers"
+            if self.count > 1
+            else f"action: got {u_nominal.tolist()}, expected finite numbers"
+        )
+
+    def _finish(self, estimate: Estimate) -> None:
+        """Brake as the user requests, and warn."""
+        found, rows = self._report.plants, self._report.rows
+        if self.plant.brake is not None:
+            for i in np.flatnonzero(found["status"] == FilterStatus.BACKUP):
+                u = self._users_brake(int(i)).astype(self.made.dtype)
+                found["u_safe"][i] = self.samples.input[i] = u
+                found["intervention"][i] = np.linalg.norm(u - found["u_nominal"][i])
+                rows["slack"][i] = rows["delta"][i] = 0.0
+        reasons = found["reason"].tolist()
+        for reason in sorted(set(reasons)):
+            self._warnings.warn(reason, reasons.count(reason), lambda at: self._cause(at, estimate))
+
+    def _cause(self, reason: int, estimate: Estimate) -> str:
+        """Return what exactly is wrong of the first plant with a reason; "" for no more."""
+        has = self._report.plants["reason"] == reason
+        if reason == Reason.GOAL:
+            return self._guide.why(has)
+        scenes, i = self.scenes, int(np.flatnonzero(has)[0])
+        if reason == Reason.BARRIERS and scenes.is_refused:
+            return str(scenes.unread)
+        if reason == Reason.MOVES:
+            return repr(scenes.moving) if scenes.moving else ""
+        return cause_of(reason, estimate, self.samples, scenes.now, self.plant, i)
+
+    def _users_brake(self, i: int) -> Array:
+        """Return the input of U nearest the user's own; nearest 0 where that reads a state."""
+        n_u = self.input_set.n_u
+        brake: Any = self.plant.brake
+        if callable(brake):
+            x = self.samples.x[i].copy()
+            x[:2] += self.samples.origin.at
+            brake = brake(x) if self.samples.plants["known"][i] else None
+        u = real_numbers(brake, (n_u,))
+        return self.input_set.project(np.zeros(n_u) if u is None else u)

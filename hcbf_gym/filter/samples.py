@@ -1,0 +1,299 @@
+"""The samples of N plants, one record a plant.
+
+What is misshaped, too old or not a number is a fault of that plant, and the core
+(`state_check.hpp`) does not accept it.
+"""
+
+from types import EllipsisType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hcbf_gym import arrays
+from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.errors import holds_numbers
+from hcbf_gym.filter.origin import Origin
+from hcbf_gym.filter.plants import plant_dtype
+from hcbf_gym.models import clocks
+from hcbf_gym.models.constants import LONGEST
+from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
+
+_FLOAT = np.dtype(np.float64)
+KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))
+"""What an `Estimate.fault` may be."""
+
+
+class State(NamedTuple):
+    """What is given of N plants, and the states that were accepted last.
+
+    Attributes:
+        x: (N, n) as the rows read it.
+        model: (N, n) the reduced-order model's own.
+        lag: (N, n) the body's minus the model's.
+        covariance: (N, n, n) of x.
+        believed: (N, n) the last that was accepted.
+    """
+
+    x: Array
+    model: Array
+    lag: Array
+    covariance: Array
+    believed: Array
+
+
+class Samples:
+    """The records of N plants, and their states.
+
+    Args:
+        plant: what each of them is.
+        n_u: the number of inputs.
+        count: N.
+        apart: whether the states stand beside the records, as those of any length do.
+
+    Attributes:
+        plants: (N,) `plants.PLANT`.
+        words: (N, …) the numbers that `plants` is made of.
+        states: of them.
+        input: (N, n_u) that was applied last.
+        time: (N,) of the states [s].
+        has_parts: whether a sample held more than x.
+        wrong_age: what is wrong with a stamp, for plants of the reason AGE.
+        origin: from where positions count.
+        is_rebased: whether that is elsewhere since this sample.
+        fresh: (N,) which plants begin an episode.
+    """
+
+    def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
+        self.origin = Origin(plant.model)
+        self._max_age = np.inf if plant.max_age is None else plant.max_age
+        self._period = 0.0 if plant.period is None else float(plant.period)
+        self._drives = plant.axle is not None
+        # whether there is anything to take back
+        self._faulty, self.has_parts, self._varies = False, False, False
+        self.wrong_age, self.is_rebased = "", False
+        self.fresh: Mask = np.ones(count, dtype=np.bool_)
+        n = plant.model.n
+        shapes = (n,), (n,), (n,), (n, n), (n,)
+        own = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
+        self._name_parts(np.zeros(count, dtype=plant_dtype(n_u)), own)
+        self.forget(np.ones(count, dtype=np.bool_))
+
+    def _name_parts(self, plants: Records, own: State | None) -> None:
+        """Name parts of the records, which look into their memory, and of states of their own."""
+        self.plants, self._own = plants, own
+        self.words = arrays.numbers_of(plants)
+        self.states = State(*(plants[name] for name in State._fields)) if own is None else own
+        self.input: Array = plants["input"]
+        self.time: Array = plants["time"]
+        self._fault: NDArray[np.int64] = plants["fault"]
+        self._has_model: NDArray[np.int64] = plants["has_model"]
+        self._states, *self._parts = (_bare(array) for array in self.states[:4])
+        self._times, self._headings = _bare(self.time), _bare(plants["heading"])
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the states stand beside the records."""
+        return self._own is not None
+
+    @property
+    def x(self) -> Array:
+        """(N, n) the states."""
+        return self.states.x
+
+    def forget(self, mask: Mask) -> None:
+        """Know nothing of the masked plants (N,)."""
+        self.fresh |= mask
+        if mask.all():
+            self.origin.forget()
+        self.plants[mask] = 0
+        self.plants["elapsed"][mask] = self._period
+        for array in self._own or ():
+            array[mask] = 0.0
+
+    def remembered(self) -> tuple[Records, list[Array]]:
+        """Return copies of all that is known."""
+        return self.plants.copy(), [array.copy() for array in self._own or ()]
+
+    def restore(self, remembered: tuple[Records, list[Array]]) -> None:
+        """Know what `remembered` returned."""
+        plants, own = remembered
+        self.plants[:] = plants
+        for place, array in zip(self._own or (), own, strict=True):
+            place[:] = array
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy needs; it names the parts of its own records."""
+        views = "words", "states", "input", "time", "_fault", "_has_model", "_states", "_parts"
+        views += "_times", "_headings"
+        return {name: value for name, value in vars(self).items() if name not in views}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        vars(self).update(state)
+        self._name_parts(self.plants, self._own)
+
+    def take(self, estimate: Estimate, now: ArrayLike | None) -> None:
+        """Note what is known of the plants.
+
+        Args:
+            estimate: as the plant's reader returned it.
+            now: () or (N,) the time where the estimate has none [s].
+        """
+        if estimate.fault is not None or self._faulty:
+            self._faulty = estimate.fault is not None
+            self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
+        noted = sound = self._note(self._states, estimate.x)
+        if estimate.time is None:
+            self.time[:] = now
+        elif not self._note(self._times, estimate.time):
+            self.time[:] = -np.inf  # what is not a time is no later one
+        if estimate.elapsed is not None or self._varies:
+            self._varies = estimate.elapsed is not None
+            sound &= self._take_elapsed(estimate.elapsed)
+        has_parts = not (estimate.covariance is estimate.model is estimate.lag is None)
+        if has_parts or self.has_parts:
+            self.has_parts = has_parts
+            sound &= self._take_parts(estimate)
+        if self._drives:
+            sound &= self._note(self._headings, estimate.heading)
+        if not sound:
+            self.blame(Reason.STATE)
+        elif estimate.age is not None:
+            self._check_age(estimate.age)
+        was_far = self.origin.is_far
+        if was_far or not self.origin.is_decided:
+            self._count_from_origin(noted, estimate.model is not None)
+        self.is_rebased = self.origin.is_far != was_far
+
+    def _count_from_origin(self, noted: bool, has_model: bool) -> None:
+        """Let positions count from the origin, which the first that is good decides.
+
+        Args:
+            noted: whether states were noted.
+            has_model: whether the models have states of their own.
+        """
+        origin = self.origin
+        if noted and not origin.is_decided:
+            good = (self._fault == 0) | (self._fault >= FIRST_ALARM)
+            origin.decide(self.x[good])
+        if origin.is_far:
+            if noted:
+                origin.shift(self.x)
+            if has_model:
+                origin.shift(self.states.model)
+
+    def _take_elapsed(self, elapsed: object) -> bool:
+        """Note how long ago the samples before were [s]; return whether that is made of numbers."""
+        since = self.plants["elapsed"]
+        since[:] = self._period
+        if elapsed is None:
+            return True
+        numbers = np.empty(len(since))
+        if not self._note(_bare(numbers), elapsed):
+            return False
+        is_time = (numbers > 0.0) & (numbers <= LONGEST)
+        since[is_time] = numbers[is_time]
+        self.blame_where(~is_time)
+        return True
+
+    def blame(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
+        """Note why the masked plants are not accepted."""
+        self._fault[mask] = reason
+        self._faulty = True
+
+    def blame_where(self, bad: Mask) -> None:
+        """Note that the states of masked plants are none; an alarm does not hide it."""
+        if bad.any():
+            self.blame(Reason.STATE, bad)
+
+    def doubt(self, reason: Reason, wrong_age: str = "") -> None:
+        """Note why plants are not accepted that would be: an alarm does not hide it."""
+        self.wrong_age = wrong_age or self.wrong_age
+        fault = self.plants["fault"]
+        self.blame(reason, (fault == 0) | (fault >= FIRST_ALARM))
+
+    def _take_parts(self, estimate: Estimate) -> bool:
+        """Note model, lag and covariance, and return whether they are made of numbers."""
+        self._has_model[:] = estimate.model is not None
+        sound = True
+        given = estimate.model, estimate.lag, estimate.covariance
+        for place, value in zip(self._parts, given, strict=True):
+            if value is None:
+                place[...] = 0.0
+            elif not self._note(place, value):
+                place[...] = 0.0
+                sound = False
+        return sound
+
+    def _note(self, place: Array, value: object) -> bool:
+        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs.
+
+        Args:
+            place: of N plants; of one without a leading 1.
+            value: of any kind.
+
+        Returns:
+            whether it is made of numbers; the core checks which are finite.
+        """
+        if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == place.shape:
+            place[...] = value
+            return True
+        if isinstance(value, float) and place.ndim == 0:
+            place[...] = value
+            return True
+        shapes = (place.shape, (1, *place.shape)) if len(self.plants) == 1 else (place.shape,)
+        if type(value) is not np.ndarray or value.dtype.char != "d":
+            found = (numbers_of(value, shape) for shape in shapes)
+            value = next((numbers for numbers in found if numbers is not None), None)
+        if value is None or value.shape not in shapes:
+            return False
+        place[...] = value
+        return True
+
+    def _alarms(self, fault: object) -> ArrayLike:
+        """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
+        alarms = np.zeros(len(self.plants))
+        if not self._note(_bare(alarms), fault):
+            return Reason.STATE
+        return np.where(np.isin(alarms, KNOWN_FAULTS), alarms, Reason.STATE)
+
+    def _check_age(self, age: object) -> None:
+        """Note which states are older than the plant allows, ahead of it, or of no age at all."""
+        ages = np.full(len(self.plants), np.nan)
+        self._note(_bare(ages), age)
+        wrong = ~clocks.is_accepted(ages, self._max_age)
+        self.blame(Reason.AGE, wrong)
+        known = ages[wrong & np.isfinite(ages)]
+        self.wrong_age = ""
+        if known.size:
+            self.wrong_age = f"the state: {clocks.says(float(known[0]), self._max_age)}"
+
+
+def _bare(numbers: Array) -> Array:
+    """Return numbers of N plants (N, …), without the N where there is one plant: a view."""
+    return numbers.squeeze(axis=0) if len(numbers) == 1 else numbers
+
+
+def real_numbers(value: object, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
+    numbers = numbers_of(value, shape)
+    return None if numbers is None or not np.isfinite(numbers).all() else numbers
+
+
+def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array if it is a real one of that shape; else None.
+
+    Half precision holds no state, and a masked entry is not a number. Some may be infinite or NaN.
+    """
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
+        return value.copy()
+    try:
+        if np.ma.is_masked(value):
+            return None
+        array = np.asarray(value)
+    except Exception:  # a foreign object may raise anything
+        return None
+    if not holds_numbers(array.dtype) or array.shape != shape:
+        return None
+    with np.errstate(all="ignore"):
+        return array.astype(np.float64)

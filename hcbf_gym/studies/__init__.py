@@ -1,1 +1,0 @@
-"""Long runs built on everything else: reproduction, identification, tuning, training."""

@@ -1,6 +1,0 @@
-"""Training of policies with the filter in the loop; needs the extra `rl`."""
-
-from hcbf_gym.studies.training.config import TrainingConfig
-from hcbf_gym.studies.training.train import train
-
-__all__ = ["TrainingConfig", "train"]

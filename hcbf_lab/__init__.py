@@ -1,0 +1,1 @@
+"""Long runs built on everything else: certificates, the paper reproduced, tuning, playground."""

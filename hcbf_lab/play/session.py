@@ -1,0 +1,393 @@
+"""The playground's simulation: what a person may do to it, and what it says after every tick.
+
+It knows no page: commands come through a queue and wait for a tick, a `Snapshot` is left after
+every tick, and nobody is waited for.
+"""
+
+import queue
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym import scenarios
+from hcbf_gym.arrays import Array
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning, finite_array, finite_float
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.programs import FilterStatus
+from hcbf_gym.scenarios import Scenario
+from hcbf_gym.scenarios.references import PointReference
+from hcbf_lab.play import editing, report
+from hcbf_lab.play.report import Snapshot
+from hcbf_lab.play.settings import HUMAN, Arrangement, Human, Settings, arrange
+
+Source = str | Path | Mapping[str, object] | Scenario
+
+PUSH_TIME = 0.2
+"""How long a push lasts [s]."""
+HARDEST_PUSH = 500.0
+"""[N]."""
+BEHIND = 0.1
+"""What a slow machine catches up at most [s of the clock]; beyond it, time runs slower."""
+REST = 50
+"""Ticks that a robot stays at its goal before it goes on."""
+LATE = 5.0
+"""How long after the end of a course it begins anew, though the robot is not there [s]."""
+CONFLICT_EVERY = 10
+"""Ticks from one conflict report to the next."""
+
+
+class Session:
+    """A scene, a robot, a filter and a policy that run until they are stopped.
+
+    Args:
+        settings: what is chosen at first.
+        scenario: the first scene, as environments take it.
+
+    Attributes:
+        latest: the record of the last tick; another object after each.
+
+    Raises:
+        HcbfError: if settings and scene make no environment.
+    """
+
+    def __init__(self, settings: Settings, scenario: Source = "random"):
+        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._source: Source = scenario
+        self._pace, self._running, self._steps_left = 1.0, True, 0
+        self._attended = True
+        self._clock: deque[tuple[float, int]] = deque([(time.perf_counter(), 0)], maxlen=50)
+        self._ticks, self._revision, self._messages, self._message = 0, 0, 0, ""
+        self._push_left, self._conflict, self._rest = 0, "", 0
+        self._start(settings, self._draw(scenario, settings.seed))
+        self.latest = self._record()
+
+    @property
+    def environment(self) -> gym.Env:
+        """The environment that steps, in its filter if there is one."""
+        return self._now.env
+
+    def post(self, command: Callable[..., None], *arguments: object, **named: object) -> None:
+        """Leave a command for the next tick; safe from every thread."""
+        self._commands.put(partial(command, *arguments, **named))
+
+    def run(self, stop: threading.Event) -> None:
+        """Tick at the chosen pace until `stop` is set, or more slowly where a tick takes longer."""
+        due = time.perf_counter()
+        while not stop.is_set():
+            self.tick()
+            now = time.perf_counter()
+            due = max(due + CONTROL_DT / self._pace, now - BEHIND)
+            time.sleep(max(0.0, due - now))
+
+    def tick(self) -> None:
+        """Obey what was posted, step once if time goes on, and leave a record."""
+        while not self._commands.empty():
+            self._message = ""
+            try:
+                self._commands.get()()
+            except HcbfError as error:
+                self._revision += 1  # what the page shows has to be put right
+                self._say(str(error))
+        if (self._running and self._attended) or self._steps_left:
+            self._steps_left = max(0, self._steps_left - 1)
+            self._advance()
+        self._clock.append((time.perf_counter(), self._ticks))
+        self.latest = self._record()
+
+    def change(self, **choices: Any) -> None:
+        """Choose anew among the fields of `Settings`; the robot goes on from where it stands.
+
+        Another model or body begins at the start, another seed draws a random scene anew.
+
+        Raises:
+            HcbfError: if a choice is refused; everything stays as it was.
+        """
+        settings = replace(self.settings, **choices)
+        if "seed" in choices:
+            self._start(settings, self._draw(self._source, settings.seed, self.scenario))
+        elif (settings.model, settings.body) != (self.settings.model, self.settings.body):
+            self._start(settings, self.scenario)
+        else:
+            self._join(arrange(settings, self.scenario, self._now.inner), settings)
+
+    def choose_scene(self, scenario: Source) -> None:
+        """Begin in another scene, as environments take it."""
+        scene = self._draw(scenario, self.settings.seed)
+        self._start(self.settings, scene)
+        self._source = scenario
+
+    def load_scene(self, content: bytes) -> None:
+        """Begin in the scene that a file holds."""
+        self.choose_scene(editing.from_json(content))
+        self._say(f"The scene {self.scenario.name!r} was loaded.")
+
+    def restart(self) -> None:
+        """Begin the scene again as it is now, with the same seed."""
+        scene = self.scenario
+        if isinstance(scene.reference, PointReference):  # it may be on its way back
+            scene = replace(scene, reference=PointReference(self._goal))
+        self._start(self.settings, scene)
+
+    def attend(self, watched: bool) -> None:
+        """Let time pass only while somebody watches; who comes first finds the robot under way."""
+        if watched and not self._attended and self._info["is_success"]:
+            self.restart()
+        self._attended = watched
+
+    def move(self, region: str, to: Sequence[float]) -> None:
+        """Move a region (2,) [m]."""
+        self._edit(editing.move(self.scenario, region, to, self._now.inner.time))
+
+    def resize(self, region: str, size: float) -> None:
+        """Give a region another size [m]."""
+        self._edit(editing.resize(self.scenario, region, size))
+
+    def rank(self, region: str, priority: int) -> None:
+        """Give a region another rank."""
+        self._edit(editing.rank(self.scenario, region, priority))
+
+    def go_to(self, goal: Sequence[float]) -> None:
+        """Give the scene another goal (2,) [m].
+
+        Raises:
+            HcbfError: if the scene has a course instead of a goal, or no way leads there.
+        """
+        if not isinstance(self.scenario.reference, PointReference):
+            raise InvalidInputError(
+                f"goal: the scene {self.scenario.name!r} has a course to follow, expected a goal"
+            )
+        x, y = finite_array("goal", goal, (2,)).tolist()
+        self._edit(replace(self.scenario, reference=PointReference((x, y))))
+        self._goal = (x, y)
+        self._say(f"The goal is at {x:.2f}, {y:.2f} m.")
+
+    def steer(self, velocity: Sequence[float]) -> None:
+        """Hold the stick: the velocity (2,) that a human at it wants [m/s], who leads from now."""
+        wanted = finite_array("stick", velocity, (2,))
+        if wanted.any() and self.settings.policy != HUMAN:
+            self.change(policy=HUMAN)
+            self._say("You steer: W A S D and X, or choose another policy to let it go.")
+        self._human.velocity = wanted
+        self._human.target = None
+
+    def lead_to(self, target: Sequence[float] | None) -> None:
+        """Drag the stick to a point (2,) [m], or let it go."""
+        self._human.target = None if target is None else finite_array("stick", target, (2,))
+
+    def push(self, force: Sequence[float]) -> None:
+        """Push the trunk for a moment with a force (2,) in the plane [N].
+
+        Raises:
+            InvalidInputError: if it is too hard, or the robot has no body.
+        """
+        pushed = finite_array("push", force, (2,))
+        if not hasattr(self._now.inner, "simulation"):
+            raise InvalidInputError(
+                "push: got the reduced-order model, expected a robot, which has a body"
+            )
+        if np.linalg.norm(pushed) > HARDEST_PUSH:
+            raise InvalidInputError(f"push: got {pushed} N, expected at most {HARDEST_PUSH:g} N")
+        self._now.inner.simulation.push(np.array([*pushed, 0.0]))
+        self._push_left = round(PUSH_TIME / CONTROL_DT)
+        self._forget_least()
+
+    def pause(self, paused: bool) -> None:
+        """Stop or go on."""
+        self._running = not paused
+
+    def step_once(self) -> None:
+        """Take one step and stop."""
+        self._running, self._steps_left = False, 1
+
+    def set_pace(self, pace: float) -> None:
+        """Run at so many simulated seconds in a second of the clock."""
+        self._pace = finite_float("pace", pace, minimum=0.0, exclusive=True)
+
+    def _draw(self, source: Source, seed: int, otherwise: Scenario | None = None) -> Scenario:
+        """Return a scene: a random one as the seed has it, another as it is now if it is."""
+        if otherwise is not None and not scenarios.is_random(source):
+            return otherwise
+        return scenarios.make(source, np.random.default_rng(seed))
+
+    def _start(self, settings: Settings, scenario: Scenario) -> None:
+        """Begin an episode in an environment of its own."""
+        arrangement = arrange(settings, scenario)
+        observation, info = arrangement.env.reset(seed=settings.seed)
+        self._now, self.settings, self.scenario = arrangement, settings, scenario
+        self._observation, self._info = observation, info
+        space: Any = arrangement.inner.action_space
+        self._human = Human(space.low.astype(np.float64), space.high.astype(np.float64))
+        self._names = [barrier.name for barrier in arrangement.inner.barriers]
+        self._regions = np.array([barrier.reads_position for barrier in arrangement.inner.barriers])
+        self._action = np.zeros(2)
+        self._push_left, self._conflict, self._rest = 0, "", 0
+        goal = scenario.goal.tolist()
+        self._goal = (goal[0], goal[1])
+        self._revision += 1
+        self._forget_least()
+
+    def _join(self, arrangement: Arrangement, settings: Settings) -> None:
+        """Go on in the same episode under another filter or policy."""
+        if arrangement.env is not arrangement.inner:
+            filtered: Any = arrangement.env
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SafetyWarning)  # the page shows what is wrong
+                filtered.join(self._observation, self._info)
+        else:
+            self._info.pop("safety_filter", None)
+        self._now, self.settings = arrangement, settings
+        self._conflict = ""
+        self._revision += 1
+
+    def _edit(self, scenario: Scenario) -> None:
+        """Go on in an edited scene, or in the old one if the filter refuses it or finds no path."""
+        self._now.inner.change_scene(scenario)
+        try:
+            self._join(arrange(self.settings, scenario, self._now.inner), self.settings)
+            filtered: Any = self._now.env
+            if filtered is not self._now.inner and filtered.lost:
+                raise InvalidInputError(filtered.lost)
+        except HcbfError:
+            self._now.inner.change_scene(self.scenario)
+            self._join(arrange(self.settings, self.scenario, self._now.inner), self.settings)
+            raise
+        self.scenario = scenario
+        self._forget_least()
+
+    def _advance(self) -> None:
+        """Step once, unless the robot lies on the floor."""
+        inner = self._now.inner
+        x = inner.estimate.x.copy()
+        policy = self._now.policy
+        wanted = self._human.act(x) if policy is None else policy(self._observation, self._info)
+        self._action = np.asarray(wanted, dtype=np.float64)
+        self._observation, _, _, _, self._info = self._now.env.step(self._action)
+        self._ticks += 1
+        if self._push_left:
+            self._push_left -= 1
+            if not self._push_left:
+                inner.simulation.push(np.zeros(3))
+            self._forget_least()
+        self._least = np.minimum(self._least, self._heights("min_"))
+        if self._info.get("fallen", 0.0):
+            self._running = False
+            self._say("The robot fell. Restart to go on.")
+        self._arrive(policy is None)
+        said = self._info.get("safety_filter")
+        if said is None or not said["slack"].any():
+            self._conflict = ""
+        elif self._ticks % CONFLICT_EVERY == 0 or not self._conflict:
+            filtered: Any = self._now.env
+            self._conflict = report.conflict(filtered.conflict(), inner.barriers, x)
+
+    def _arrive(self, steered: bool) -> None:
+        """Say that the robot is at its goal, and after a rest let it go on.
+
+        Args:
+            steered: whether a person leads it, who goes on by themselves.
+        """
+        if not self._info["is_success"]:
+            self._rest = 0
+            reference = self.scenario.reference
+            late = self._now.inner.time > reference.duration + LATE
+            if late and not (steered or isinstance(reference, PointReference)):
+                self.restart()
+                self._say("The course had ended; here it begins again.")
+            return
+        self._rest += 1
+        if self._rest == 1:
+            self._say(f"Arrived after {self._now.inner.time:.1f} s.")
+        if self._rest == REST and not steered and self.settings.goes_on:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Go back to the start or to the goal again; begin a course anew, or where no way leads."""
+        scene = self.scenario
+        if not isinstance(scene.reference, PointReference):
+            self.restart()
+            return
+        back = np.allclose(scene.goal, self._goal)
+        to = scene.start if back else self._goal
+        try:
+            self._edit(replace(scene, reference=PointReference(to)))
+        except HcbfError:
+            self.restart()
+            return
+        self._rest = 0
+        self._say(f"Arrived; now {'back to the start' if back else 'to the goal again'}.")
+
+    def _forget_least(self) -> None:
+        self._least = self._heights().copy()
+
+    def _heights(self, least: str = "") -> Array:
+        """Return h (m,) of what must stay outside, now or at its least during the last step."""
+        body = self._info.get(f"{least}body_h")
+        return self._info[f"{least}h"] if body is None else body
+
+    def _say(self, message: str) -> None:
+        self._message = message
+        self._messages += 1
+
+    def _record(self) -> Snapshot:
+        inner = self._now.inner
+        regions = self._regions
+        said = self._info.get("safety_filter")
+        priority = inner.barrier_set.priority[0]
+        m = len(priority)
+        h = self._heights()
+        ranked = partial(report.by_rank, priority=priority[regions])
+        slack = ranked(np.zeros(int(regions.sum())), pick=np.max)
+        status = report.UNFILTERED
+        gap = 0.0
+        reason = int(Reason.NONE)
+        details: dict[str, str] = {}
+        if said is not None:
+            slack = report.by_rank(said["slack"][:m], priority, np.max)
+            status = FilterStatus(int(said["status"])).name
+            gap = float(said["intervention"])
+            reason = int(said["reason"])
+            kept = float(said["margin"][:m][regions].max(initial=0.0))
+            details = report.details(said, kept, self.settings.margin is None)
+        by_rank_h = ranked(h[regions], pick=np.min)
+        x = inner.truth
+        duration = inner.scenario.reference.duration
+        simulation = getattr(inner, "simulation", None)
+        data = None if simulation is None else simulation.data
+        return Snapshot(
+            time=float(inner.time),
+            pace=self._measured_pace(),
+            running=self._running,
+            position=x[:2],
+            velocity=x[2:],
+            reference=inner.scenario.reference(min(inner.time, duration))[0],
+            body=None if simulation is None else simulation.model,
+            poses=None if data is None else np.hstack([data.xpos, data.xquat]),
+            h=by_rank_h,
+            least=ranked(self._least[regions], pick=np.min),
+            slack=slack,
+            speed_margin=None if regions.all() else float(h[~regions].min()),
+            intervention=gap,
+            status=status,
+            sentence=report.sentence(status, slack, by_rank_h, gap, reason),
+            conflict=self._conflict,
+            details=details,
+            settings=self.settings,
+            scenario=self.scenario,
+            revision=self._revision,
+            message=self._message,
+            messages=self._messages,
+        )
+
+    def _measured_pace(self) -> float:
+        (began, first), (now, last) = self._clock[0], self._clock[-1]
+        return CONTROL_DT * (last - first) / (now - began) if now > began else 0.0

@@ -1,0 +1,169 @@
+"""What a person chooses in the playground, and the environment, filter and policy that makes."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym import policies, programs
+from hcbf_gym.arrays import Array
+from hcbf_gym.errors import choose, finite_float
+from hcbf_gym.policies import Policy, learned
+from hcbf_gym.scenarios import Scenario
+from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots.walkers.walker import NAMES
+
+REDUCED = "reduced"
+MODELS = {"a1": "HCBF-A1Regions-v0", REDUCED: "HCBF-Regions-v0"}
+"""The robot: the whole A1 in MuJoCo, or its reduced-order model alone; others by contract."""
+
+BODIES: tuple[str, ...] = ("point", "footprint")
+"""What must stay outside: the trunk's centre, or the whole A1."""
+
+NO_FILTER = "none"
+HUMAN = "human"
+PD = "pd"
+
+STICK_GAIN = 3.0
+"""How the human's acceleration follows the wanted velocity [1/s]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a person chooses.
+
+    Args:
+        model: "a1", "reduced", or a robot that takes velocities: a name or a contract's path.
+        body: "point", the robot's centre, or "footprint", the whole robot; the reduced-order model
+            is a point.
+        policy: "human", or as `policies.make` takes it.
+        program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
+        guidance: whether a geodesic field leads to the goal; not where a human leads.
+        margin: what rows on the position reserve [m]; None derives it.
+        gamma0: γ₀, where the program has weights.
+        delta_gamma: Δγ, where the program has weights.
+        seed: of random scenes and of the episode.
+        goes_on: whether a robot that has arrived goes back, and there again.
+
+    Raises:
+        UnknownNameError: if a name is not known; the message lists the choices.
+        InvalidInputError: if a number is out of range.
+    """
+
+    model: str = "a1"
+    body: str = BODIES[0]
+    policy: str = PD
+    program: str = "lex-cbf-qp"
+    guidance: bool = True
+    margin: float | None = None
+    gamma0: float = 5.0
+    delta_gamma: float = 1.3
+    seed: int = 0
+    goes_on: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.model.endswith(".json"):
+            choose("model", self.model, dict.fromkeys(model_names()))
+        choose("body", self.body, dict.fromkeys(BODIES))
+        if not policies.is_own(self.policy):
+            choose("policy", self.policy, dict.fromkeys(policy_names()))
+        choose("program", self.program, dict.fromkeys(program_names()))
+        finite_float("gamma0", self.gamma0, minimum=0.0)
+        finite_float("delta_gamma", self.delta_gamma, minimum=0.0)
+        finite_float("seed", self.seed, minimum=0.0)
+        if self.margin is not None:
+            finite_float("margin", self.margin, minimum=0.0)
+
+
+def model_names() -> list[str]:
+    """Return what may move; a contract's path may, too."""
+    return [*MODELS, *NAMES]
+
+
+def policy_names() -> list[str]:
+    """Return what may choose the nominal input."""
+    return [PD, HUMAN, *learned.names()]
+
+
+def program_names() -> list[str]:
+    """Return what may filter it."""
+    return [NO_FILTER, *programs.names()]
+
+
+class Human:
+    """A person at the stick: ``u* = k (v_wanted − v)``.
+
+    Attributes:
+        velocity: (2,) that the stick asks for [m/s].
+        target: (2,) where the stick was dragged to, which is walked to instead [m]; or None.
+
+    Args:
+        low: (2,) least acceleration [m/s²].
+        high: (2,) greatest acceleration [m/s²].
+    """
+
+    def __init__(self, low: Array, high: Array):
+        self.low, self.high = low, high
+        self.velocity = np.zeros(2)
+        self.target: Array | None = None
+
+    def act(self, x: Array) -> Array:
+        """Return u* (2,) at position and velocity x (4,)."""
+        wanted = self.velocity if self.target is None else self.target - x[:2]
+        wanted = wanted / max(1.0, float(np.linalg.norm(wanted)))
+        return np.clip(STICK_GAIN * (wanted - x[2:]), self.low, self.high)
+
+
+class Arrangement(NamedTuple):
+    """What steps: an environment, what filters its actions, and what acts.
+
+    Attributes:
+        env: the environment, in its filter if there is one.
+        inner: the environment itself.
+        policy: (observation, info) → u*; None where a person acts.
+    """
+
+    env: gym.Env
+    inner: Any
+    policy: Policy | None
+
+
+def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrangement:
+    """Return what the settings ask for.
+
+    Args:
+        settings: what was chosen.
+        scenario: the scene.
+        inner: the environment that stays; None makes another.
+
+    Raises:
+        InvalidInputError: if the policy does not fit the scene.
+    """
+    if inner is None:
+        more: dict[str, Any] = {} if settings.model == REDUCED else {"body": settings.body}
+        if settings.model not in MODELS:
+            more["robot"] = settings.model
+        inner = gym.make(
+            MODELS.get(settings.model, "HCBF-WalkerRegions-v0"),
+            scenario=scenario,
+            max_episode_steps=-1,
+            disable_env_checker=True,
+            **more,
+        ).unwrapped
+    policy: Policy | None = None
+    if settings.policy != HUMAN:
+        policy = policies.make(settings.policy, inner)
+    if settings.program == NO_FILTER:
+        return Arrangement(inner, inner, policy)
+    weights: dict[str, Any] = {"gamma0": settings.gamma0, "delta_gamma": settings.delta_gamma}
+    taken = programs.options(settings.program)
+    guided = settings.guidance and policy is not None
+    env = SafetyFilter(
+        inner,
+        program=settings.program,
+        guidance="geodesic" if guided else None,
+        margin=settings.margin,
+        **{name: value for name, value in weights.items() if name in taken},
+    )
+    return Arrangement(env, inner, policy)

@@ -1,0 +1,107 @@
+"""Reproduce the paper's figures 5, 6 and 7, and check its claims.
+
+fig5: paths, costs and tracking error over the weights of R- and H-CBF-QP (A1, reduced-order model).
+fig6: the A1 between boxes: barriers over time, pictures, contacts over 20 disturbed episodes.
+fig7: the A1's paths past the light box, under R and H.
+
+Writes the pictures and reproduction.json, whose `claims` say for each claim of the paper whether
+the run bears it out. Run it again to resume it: every episode is kept under its settings.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import optuna
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+import hcbf_gym
+from hcbf_gym.arguments import Folder, Workers
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.output_folder import open_folder, write_json
+from hcbf_gym.evaluation.workers import Backend
+from hcbf_lab.reproduction import FIGURES, OF_ROM
+from hcbf_lab.reproduction.figure5 import Model
+
+Figure = Callable[[Runs, Path, bool], dict[str, Any]]
+"""Draws a figure and returns its claims."""
+GOES_ON = "the same command goes on where this one stopped"
+"""What Ctrl-C says besides."""
+
+
+@dataclass(frozen=True)
+class Args:
+    """What to reproduce."""
+
+    figure: tyro.conf.Positional[Literal["fig5", "fig6", "fig7", "all"]] = "all"
+    """Which figure of the paper."""
+    model: Model = "both"
+    """both, or rom: what the reduced-order model alone has, fig5, in a minute."""
+    quick: bool = False
+    """Fewer episodes: no cost map on the A1, four seeds instead of twenty."""
+    output: Folder = Path("results/reproduce")
+    """Folder for the pictures, the episodes and reproduction.json."""
+    workers: Workers | None = None
+    """Episodes that run at once [default: as many as the backend has CPUs]."""
+    backend: Backend = "processes"
+    """Where they run; ray needs the extra `cluster`."""
+
+
+def main(args: Args) -> None:
+    """Draw the figures, check the claims, and write both."""
+    figures = OF_ROM if args.model == "rom" else FIGURES
+    names = list(figures) if args.figure == "all" else [args.figure]
+    if not set(names) <= set(figures):
+        raise InvalidInputError(
+            f"figure: got {args.figure} with --model rom, expected one of {sorted(figures)}, or "
+            "--model both: the others are of the A1"
+        )
+    runs = Runs(args.output / "episodes", args.workers, args.backend)
+    claims = reproduce({name: figures[name] for name in names}, args.output, args.quick, runs)[
+        "claims"
+    ]
+    console = Console()
+    console.print(_table(claims))
+    console.print(f"written to {args.output}")
+
+
+def reproduce(
+    figures: Mapping[str, Figure], folder: Path, quick: bool, runs: Runs
+) -> dict[str, Any]:
+    """Draw figures into a folder, and return what `reproduction.json` holds then.
+
+    Args:
+        figures: some of `FIGURES` or `OF_ROM`.
+        folder: for the pictures and the JSON; figures that it has stay.
+        quick: fewer episodes.
+        runs: how episodes run.
+    """
+    runs.check()
+    settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
+    open_folder(folder, settings)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    for name, draw in figures.items():
+        write_json(folder / f"{name}.json", draw(runs, folder, quick))
+    results = {
+        name: json.loads(path.read_text(encoding="utf-8"))
+        for name in FIGURES
+        if (path := folder / f"{name}.json").exists()
+    }
+    claims = {
+        text: holds for result in results.values() for text, holds in result["claims"].items()
+    }
+    reproduction = {"settings": settings, "claims": claims, "figures": results}
+    write_json(folder / "reproduction.json", reproduction)
+    return reproduction
+
+
+def _table(claims: dict[str, bool]) -> Table:
+    table = Table("claim", "holds", title=f"{sum(claims.values())} of {len(claims)} claims hold")
+    for text, holds in claims.items():
+        table.add_row(text, "[green]yes[/]" if holds else "[red]no[/]")
+    return table

@@ -1,0 +1,187 @@
+"""Figures 6 and 7: the experiment with boxes, on the A1 in full physics."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hcbf_gym import scenarios
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.errors import RenderingError
+from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.rollouts import Case, Episode, Job
+from hcbf_lab.reproduction import plots
+from hcbf_lab.reproduction.film import film
+
+SCENE, STRAIGHT = "paper-experiment", "paper-experiment-straight"
+R_WEIGHTS = ("r-cbf-qp", 0.05, 0.0)
+"""R's weight, which the paper does not state: small enough that it hugs region 1."""
+H_WEIGHTS = ("h-cbf-qp", 0.5, 1.3)
+"""H's weights: the paper's Δγ with a γ₀ that passes the corridor; its own pair stalls there."""
+PAPER_WEIGHTS = ("h-cbf-qp", 5.0, 1.3)
+
+SEEDS = 20
+RANDOMIZATION = {
+    "floor_friction": (0.6, 1.0),
+    "start_distance": (0.0, 0.05),
+    "start_yaw": (0.0, 0.2),
+}
+"""Friction of the floor, start [m] and heading [rad], drawn for each seed."""
+DISTURBANCES = {"kind": "random", "interval": 4.0, "impulse": (1.0, 3.0)}
+"""A push of 1 to 3 N·s in a random direction, one every 4 s on average."""
+
+_H3, _H4, _BOX = 2, 3, 0
+
+
+def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
+    """Draw figure 6, check its claims, and count contacts over disturbed episodes.
+
+    Args:
+        runs: how episodes run.
+        folder: where the pictures go.
+        quick: four seeds instead of twenty.
+
+    Returns:
+        ``claims`` {text: bool} and the figures they rest on, in JSON types.
+    """
+    jobs = _jobs()
+    ran = chunks.in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
+    episodes = dict(zip(jobs, ran, strict=True))
+    relaxed, hierarchical = episodes["R"], episodes["H"]
+    series = {"R-CBF-QP": relaxed, "H-CBF-QP": hierarchical}
+    plots.fig6_series(series).savefig(folder / "fig6-barriers.png")
+    plots.paths(
+        STRAIGHT,
+        {"R": (episodes["R, straight"], "-"), "H": (episodes["H, straight"], "-")},
+        "straight reference",
+    ).savefig(folder / "fig6-straight.png")
+    plots.paths(
+        SCENE,
+        {"H, (0.5, 1.3)": (hierarchical, "-"), "H, (5, 1.3)": (episodes["H, (5, 1.3)"], ":")},
+        "the paper's own pair",
+    ).savefig(folder / "fig6-own-pair.png")
+    result = {
+        "claims": _claims(episodes),
+        "episodes": {name: _summary(episode) for name, episode in episodes.items()},
+        "seeds": _over_seeds(runs, range(4 if quick else SEEDS)),
+    }
+    times = (4.0, 6.0, 8.0, 16.0)
+    try:
+        shots = runs.over(partial(film, times=times), [jobs["R"], jobs["H"]], "fig 6, pictures")
+        films = chunks.in_order(shots)
+    except RenderingError as error:
+        return result | {"frames": str(error)}
+    plots.frames(("R", "H"), films, times).savefig(folder / "fig6-frames.png")
+    return result | {"frames": "fig6-frames.png"}
+
+
+def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
+    """Draw figure 7 from the episodes of figure 6; see `fig6` for the arguments."""
+    jobs = _jobs()
+    ran = runs.over(Job.run, [jobs["R"], jobs["H"]], "fig 7")
+    relaxed, hierarchical = chunks.in_order(ran)
+    plots.fig7(SCENE, relaxed, hierarchical).savefig(folder / "fig7.png")
+    beside = {name: _beside_the_box(e) for name, e in (("R", relaxed), ("H", hierarchical))}
+    return {
+        "claims": {
+            "fig7: beside the box, H keeps farther from it than R": beside["H"] > beside["R"]
+        },
+        "x_beside_the_box": beside,
+    }
+
+
+def _jobs() -> dict[str, Job]:
+    return {
+        "R": _job(SCENE, R_WEIGHTS),
+        "H": _job(SCENE, H_WEIGHTS),
+        "H, (5, 1.3)": _job(SCENE, PAPER_WEIGHTS),
+        "R, straight": _job(STRAIGHT, R_WEIGHTS),
+        "H, straight": _job(STRAIGHT, H_WEIGHTS),
+    }
+
+
+def _job(
+    scene: str,
+    weights: tuple[str, float, float],
+    seed: int = 0,
+    env_options: dict[str, Any] | None = None,
+) -> Job:
+    program, gamma0, delta_gamma = weights
+    options = {"gamma0": gamma0, "delta_gamma": delta_gamma}
+    return Job(Case("HCBF-A1Regions-v0", scene, "pd", program, options, env_options), seed)
+
+
+def _disturbed(weights: tuple[str, float, float], seed: int) -> Job:
+    """Return the episode of one seed: another start, another floor, other pushes."""
+    env_options = {"randomization": RANDOMIZATION, "disturbances": DISTURBANCES}
+    return _job(SCENE, weights, seed, env_options)
+
+
+def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
+    """Return how often, over the seeds, R and H touched the box, reached the goal, and fell."""
+    jobs = [_disturbed(weights, seed) for weights in (R_WEIGHTS, H_WEIGHTS) for seed in seeds]
+    episodes = chunks.in_order(runs.over(Job.run, jobs, "fig 6, seeds"))
+    groups = {"R": episodes[: len(seeds)], "H": episodes[len(seeds) :]}
+    return {
+        name: {
+            "episodes": len(group),
+            "touched_the_box": sum(_touches(episode) > 0 for episode in group),
+            "reached": sum(bool(episode.reached) for episode in group),
+            "fell": sum(episode.fell for episode in group),
+            "least_h3": min(float(episode.min_h[:, _H3].min()) for episode in group),
+            "least_h4": [float(episode.min_h[:, _H4].min()) for episode in group],
+            "mean_violation_of_h4": float(np.mean([_depth(episode) for episode in group])),
+        }
+        for name, group in groups.items()
+    }
+
+
+def _touches(episode: Episode) -> int:
+    """Return in how many control steps the robot touched region 2's box."""
+    return int((episode.obstacle_force[:, _BOX] > 0.0).sum())
+
+
+def _depth(episode: Episode) -> float:
+    """Return ∫ max(0, −h₄) dt [m·s]."""
+    return float(CONTROL_DT * np.maximum(-episode.h[1:, _H4], 0.0).sum())
+
+
+def _summary(episode: Episode) -> dict[str, Any]:
+    return {
+        "steps_touching_the_box": _touches(episode),
+        "greatest_force_on_it": float(episode.obstacle_force[:, _BOX].max()),
+        "reached": episode.reached,
+        "fell": episode.fell,
+        "final_error": float(episode.tracking_error[-1]),
+        "min_h3": float(episode.min_h[:, _H3].min()),
+        "min_h4": float(episode.min_h[:, _H4].min()),
+        "violation_of_h4": _depth(episode),
+    }
+
+
+def _beside_the_box(episode: Episode) -> float:
+    """Return the least p_x beyond the box's centre while the robot is beside the box [m]."""
+    box = scenarios.make(SCENE).obstacles[_BOX]
+    x, y = episode.position.T
+    beside = np.abs(y - box.center[1]) <= box.size[1] / 2
+    return float(x[beside].min() - box.center[0])
+
+
+def _claims(episodes: dict[str, Episode]) -> dict[str, bool]:
+    relaxed, hierarchical = episodes["R"], episodes["H"]
+    least = [float(episode.min_h[:, _H4].min()) for episode in (relaxed, hierarchical)]
+    claims = {
+        "R touches region 2's box": _touches(relaxed) > 0,
+        "R still reaches the goal": relaxed.reached,
+        "H does not touch it": _touches(hierarchical) == 0,
+        "H reaches the goal": hierarchical.reached,
+        "H violates h4 less than R, at its worst": least[1] > least[0],
+        "H violates h4 less than R, over time": _depth(hierarchical) < _depth(relaxed),
+        "h3 >= 0 throughout, for R and H": (
+            min(float(episode.min_h[:, _H3].min()) for episode in (relaxed, hierarchical)) >= 0.0
+        ),
+    }
+    return {f"fig6: {text}": bool(holds) for text, holds in claims.items()}

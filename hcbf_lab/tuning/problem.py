@@ -1,0 +1,114 @@
+"""What is tuned: the weights of one program in one scene and environment, under one cost."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym import programs, scenarios
+from hcbf_gym.arrays import Array
+from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.environments import ENVIRONMENTS
+from hcbf_gym.evaluation.rollouts import Case, Episode
+from hcbf_lab.tuning.cost import Cost, relaxation
+from hcbf_lab.tuning.simulate import check_weights, simulate
+
+_CHUNK = 500
+"""Trajectories held in memory at a time."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A cost r(γ₀, Δγ): one episode under each pair of weights.
+
+    Args:
+        env: "HCBF-Regions-v0", where all pairs run as one batch, or "HCBF-A1Regions-v0".
+        scenario: what `hcbf_gym.scenarios.make` takes.
+        program: a program that takes `gamma0` and `delta_gamma`.
+        options: further options of the filter.
+        seed: of the episode.
+        cost: what an episode costs; one in which the robot falls costs infinity.
+
+    Raises:
+        UnknownNameError: if the environment or the program is not registered.
+        InvalidInputError: if the program takes no weights, or the scene is none.
+    """
+
+    env: str = "HCBF-Regions-v0"
+    scenario: Any = "paper-simulation"
+    program: str = "h-cbf-qp"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    cost: Cost = field(default_factory=Cost)
+
+    def __post_init__(self) -> None:
+        choose("environment", self.env, ENVIRONMENTS)
+        taken = programs.options(self.program)
+        if not {"gamma0", "delta_gamma"} <= set(taken):
+            raise InvalidInputError(
+                f"program {self.program!r}: got the options {list(taken)}, "
+                "expected a program that takes gamma0 and delta_gamma"
+            )
+        self.case(0.0, 0.0).make().close()
+
+    @property
+    def batched(self) -> bool:
+        """Whether many pairs cost little more than one."""
+        return self.env == "HCBF-Regions-v0"
+
+    def settings(self) -> dict[str, Any]:
+        """Return what decides the costs, in JSON types."""
+        random = scenarios.is_random(self.scenario)
+        scene = self.scenario if random else scenarios.make(self.scenario).to_dict()
+        return asdict(self) | {"scenario": scene, "options": dict(self.options)}
+
+    def case(self, gamma0: float, delta_gamma: float) -> Case:
+        """Return the episode of one pair of weights."""
+        weights = {"gamma0": gamma0, "delta_gamma": delta_gamma}
+        return Case(self.env, self.scenario, "pd", self.program, {**self.options, **weights})
+
+    def costs(
+        self,
+        gamma0: ArrayLike,
+        delta_gamma: ArrayLike,
+        runs: Runs = Runs(),  # noqa: B008 - frozen
+    ) -> Iterator[tuple[int, float]]:
+        """Yield (k, r) of N pairs of weights, as they finish.
+
+        Args:
+            gamma0: (N,) γ₀ ≥ 0.
+            delta_gamma: (N,) Δγ ≥ 0.
+            runs: how episodes run, in full physics.
+
+        Raises:
+            InvalidInputError: if a weight is negative or not finite, or there are none.
+        """
+        gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
+        if not self.batched:
+            pairs = list(zip(gamma0.tolist(), delta_gamma.tolist(), strict=True))
+            return runs.over(self._walk, pairs)
+        parts = (
+            self._batch(gamma0[i : i + _CHUNK], delta_gamma[i : i + _CHUNK])
+            for i in range(0, len(gamma0), _CHUNK)
+        )
+        return enumerate(cost for part in parts for cost in part.tolist())
+
+    def cost_of(self, episode: Episode) -> float:
+        """Return r of one recorded episode; infinity if the robot fell."""
+        if episode.fell:
+            return np.inf
+        paid = relaxation(episode.delta, episode.priority)
+        return float(self.cost(episode.tracking_error, paid))
+
+    def _walk(self, weights: tuple[float, float]) -> float:
+        """Return r of one episode in full physics."""
+        return self.cost_of(self.case(*weights).run(self.seed))
+
+    def _batch(self, gamma0: Array, delta_gamma: Array) -> Array:
+        run = simulate(
+            self.scenario, self.program, gamma0, delta_gamma, self.options, seed=self.seed
+        )
+        return self.cost(run.tracking_error, run.relaxation)

@@ -1,0 +1,108 @@
+"""Many weights at once: one reduced-order robot for each pair (γ₀, Δγ), all stepped together."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym import policies, wrappers
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.batch import rollout_batch
+from hcbf_lab.tuning.cost import relaxation
+
+
+class Trajectories(NamedTuple):
+    """N trajectories of k steps in one scene.
+
+    Attributes:
+        time: (k + 1,) [s].
+        position: (k + 1, N, 2) [m].
+        h: (k + 1, N, m) barrier values at the control times.
+        min_h: (N, m) their least values over all physics steps.
+        tracking_error: (k + 1, N) ‖p_ref − p‖ [m]. Where an episode ended before the others it is
+            zero up to the last entry, which repeats the error at its end.
+        relaxation: (k, N) Σ_k max(0, δ_k) of the relaxed rows [m/s²]; zero after an episode's end.
+        fell: (N,) whether the robot fell; the reduced-order model cannot.
+    """
+
+    time: Array
+    position: Array
+    h: Array
+    min_h: Array
+    tracking_error: Array
+    relaxation: Array
+    fell: Mask
+
+
+def check_weights(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, Array]:
+    """Return γ₀ and Δγ as arrays (N,).
+
+    Raises:
+        InvalidInputError: if they are empty, of different lengths, negative or not finite.
+    """
+    weights = np.array(gamma0, dtype=np.float64), np.array(delta_gamma, dtype=np.float64)
+    if weights[0].ndim != 1 or weights[0].size == 0 or weights[0].shape != weights[1].shape:
+        raise InvalidInputError(
+            f"gamma0, delta_gamma: got shapes {weights[0].shape} and {weights[1].shape}, "
+            "expected (N,) both, N >= 1"
+        )
+    for name, values in zip(("gamma0", "delta_gamma"), weights, strict=True):
+        if not (np.isfinite(values).all() and (values >= 0.0).all()):
+            raise InvalidInputError(f"{name}: got {values.tolist()}, expected numbers >= 0")
+    return weights
+
+
+def simulate(
+    scenario: Any,
+    program: str,
+    gamma0: ArrayLike,
+    delta_gamma: ArrayLike,
+    options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> Trajectories:
+    """Walk N reduced-order robots through one scene, each under its own weights.
+
+    Args:
+        scenario: what `hcbf_gym.scenarios.make` takes.
+        program: a program that takes both weights.
+        gamma0: (N,) γ₀ ≥ 0.
+        delta_gamma: (N,) Δγ ≥ 0.
+        options: further options of the filter.
+        seed: of every environment, so that all walk in the same scene.
+
+    Raises:
+        InvalidInputError: if a weight is negative or not finite, or there are none.
+    """
+    gamma0, delta_gamma = check_weights(gamma0, delta_gamma)
+    n = len(gamma0)
+    env = wrappers.VectorSafetyFilter(
+        gym.make_vec(
+            "HCBF-Regions-v0",
+            num_envs=n,
+            scenario=scenario,  # type: ignore[arg-type]
+            autoreset_mode="Disabled",  # type: ignore[arg-type]
+        ),
+        program=program,
+        gamma0=gamma0[:, None],
+        delta_gamma=delta_gamma[:, None],
+        **(options or {}),
+    )
+    inner: Any = env.unwrapped
+    episodes = rollout_batch(env, policies.PDTracker.for_env(env), [seed] * n)
+    # what comes after an episode's end costs nothing, but for the error at the end
+    last = episodes.tracking_error[episodes.steps, np.arange(n)]
+    error = episodes.tracking_error.copy()
+    error[1:][~episodes.running] = 0.0
+    error[-1] = last
+    return Trajectories(
+        time=episodes.time,
+        position=episodes.position,
+        h=episodes.h,
+        min_h=episodes.min_h,
+        tracking_error=error,
+        relaxation=relaxation(episodes.delta, inner.barrier_set.priority[0]),
+        fell=np.zeros(n, dtype=np.bool_),
+    )

@@ -1,0 +1,16 @@
+"""The commands for real robots, which the entry points of `hcbf.commands` name."""
+
+from hcbf_gym.arguments import Subcommand
+
+COMMANDS = {
+    "identify": Subcommand(
+        "hcbf_robots.identification.command",
+        "how a robot follows the velocities that it is commanded",
+    ),
+    "ros": Subcommand(
+        "hcbf_robots.ros.command", "a ROS 2 node in the place of Nav2's collision monitor"
+    ),
+    "ros-sim": Subcommand(
+        "hcbf_robots.ros.simulated", "a simulated robot on a real one's topics, for the node"
+    ),
+}

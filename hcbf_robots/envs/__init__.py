@@ -1,0 +1,1 @@
+"""Environments of robots that take velocities."""

@@ -1,0 +1,105 @@
+"""The scene with a walker in it, stepped under its own actuators' inputs."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from hcbf_gym import _core
+from hcbf_gym.arrays import Array
+from hcbf_gym.envs import scene
+from hcbf_gym.envs.randomization import Randomization
+from hcbf_gym.envs.simulation import SimulatedRobot, Simulation
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.scenarios import BoxObstacle
+from hcbf_robots.walkers.walker import Walker
+from hcbf_robots.walkers.walker_model import as_slice, indices
+
+
+class WalkerPhysics(Simulation):
+    """A scene with one walker, driven through its own actuators.
+
+    Args:
+        walker: the robot's contract.
+        obstacles: as `Simulation` takes them.
+        terrain: as `Simulation` takes it.
+        randomization: plain dict of `Randomization`'s ranges, without sensor noise; the floor's
+            friction is the contract's where none is given.
+        disturbances: as `Simulation` takes them.
+
+    Attributes:
+        parts: names of the robot's parts.
+        at: where the scene has them.
+
+    Raises:
+        RobotModelError: if the robot's file is not what the contract says.
+        InvalidInputError: on a number out of range, an unknown name, or boxes named alike or like
+            a part of the robot.
+    """
+
+    def __init__(
+        self,
+        walker: Walker,
+        *,
+        obstacles: Sequence[BoxObstacle] = (),
+        terrain: str = "flat",
+        randomization: Mapping[str, object] | None = None,
+        disturbances: Mapping[str, object] | None = None,
+    ) -> None:
+        self.walker = walker
+        given = {} if randomization is None else randomization
+        drawn = Randomization.from_dict(
+            {"floor_friction": walker.physics.friction, "delay": 0.0, **given}
+        )
+        if drawn.sensor_noise[1] > 0.0:
+            raise InvalidInputError(
+                "randomization: sensor_noise: got more than 0, expected 0: a walker's controller "
+                "reads its sensors as they are"
+            )
+        spec, self.parts = walker.spec()
+        robot = SimulatedRobot(
+            spec,
+            walker.mjcf,
+            self.parts.trunk,
+            self.parts.home,
+            walker.body.height,
+            len(self.parts.actuators),
+            math.cos(walker.fall.tilt),
+            walker.fall.height,
+            floor_decides=True,
+        )
+        super().__init__(robot, drawn, obstacles, terrain, disturbances)
+        self.at = indices(self.model, self.parts)
+        self._floor = self.model.geom(scene.FLOOR).id
+        self._ctrl, self._driven = self.data.ctrl, as_slice(self.at.ctrl)
+        model = self.model
+        self._strength = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+        self._strongest = model.actuator_forcerange.copy()
+
+    def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
+        """Put the robot at rest, as `Simulation` does, with all that follows from where it is."""
+        super().reset(position, yaw, rng)
+        mujoco.mj_forward(self.model, self.data)
+
+    def _set_conditions(self) -> None:
+        model, share = self.model, self.conditions.motor_strength
+        model.geom_friction[self._floor, 0] = self.conditions.floor_friction
+        gain, bias = self._strength
+        model.actuator_gainprm[:] = share * gain
+        model.actuator_biasprm[:] = share * bias
+        model.actuator_forcerange[:] = share * self._strongest
+
+    def step(self, inputs: Array) -> None:
+        """Advance the physics by one tick under the actuators' inputs (k,)."""
+        if self._delayed or self._pushes:
+            inputs = self._disturbed(inputs)
+        self._ctrl[self._driven] = inputs
+        mujoco.mj_step(self.model, self.data)
+        if len(self._boxes):
+            self._forces = self._measure_forces()
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the robot's state has left the finite numbers."""
+        return not _core.is_finite(self._qpos, self._qvel)

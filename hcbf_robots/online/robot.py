@@ -1,0 +1,94 @@
+"""What the filter of a loop of the user's own must know of a robot."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from hcbf_gym import certificates
+from hcbf_gym.errors import InvalidInputError, finite_float, require_packages, shown, text
+from hcbf_robots.walkers import footprint as footprints
+from hcbf_robots.walkers.walker_parts import Command
+from hcbf_robots.walkers.walker_response import Response
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the filter must know of a robot without a contract.
+
+    Args:
+        command: what it may be told.
+        response: how it follows; None assumes a slow robot that sways, see
+            `walker_response.assumed`.
+        reach: radius of the circle around its centre, or a cart's axle, that holds it [m]; with 0,
+            and no footprint, the robot is a point.
+        footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
+            no less than holds it.
+        known_as: what certificates call it; "" for a robot of which there is none.
+    """
+
+    command: Command
+    response: Response | None = None
+    reach: float = 0.0
+    footprint: str | ArrayLike | None = None
+    known_as: str = ""
+
+    def __post_init__(self) -> None:
+        for name, kind in (("command", Command), ("response", Response)):
+            value = getattr(self, name)
+            if not isinstance(value, kind) and (name == "command" or value is not None):
+                raise InvalidInputError(
+                    f"robot: {name}: got {shown(value)}, expected a {kind.__name__}"
+                )
+        object.__setattr__(self, "known_as", text("robot: known_as", self.known_as))
+        if self.response is not None:
+            self.response.gains(len(self.command.limits))  # fit
+        reach = finite_float("robot: reach", self.reach, minimum=0.0)
+        if self.footprint is not None:
+            object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
+
+
+def known_of(robot: object) -> Robot:
+    """Return what is known of a robot, however it is given.
+
+    Raises:
+        InvalidInputError: if it is no robot.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    require_packages("a robot's contract, other than hcbf_robots.Robot(…),", "mujoco")
+    from hcbf_robots.walkers.walker import Walker
+
+    if isinstance(robot, str | Path):
+        robot = Walker.load(robot)
+    if not isinstance(robot, Walker):
+        raise InvalidInputError(
+            f"robot: got {shown(robot)}, expected a contract's path or name, a Walker or a Robot"
+        )
+    known_as = certificates.robot_of(robot.name, robot.files)
+    return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
+
+
+def cap_of(v_max: object, reserved: float, known: Robot) -> float:
+    """Return a strict cap on the speed [m/s].
+
+    Args:
+        v_max: as the user gave it [m/s].
+        reserved: what its row reserves for the overshoot [m/s].
+        known: the robot.
+
+    Raises:
+        InvalidInputError: if it leaves no speed, or is more than the robot may be told.
+    """
+    least, most = 2.0 * reserved, known.command.fastest
+    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
+    if least < cap <= most:
+        return cap
+    measured = known.response is not None
+    remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
+    raise InvalidInputError(
+        f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
+        f"the overshoot of a robot{'' if measured else ' that nobody has measured'}, and at most "
+        f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
+        f"speed, or tell it no more: Command(forward={min(cap, most):g}, …){remedy}"
+    )

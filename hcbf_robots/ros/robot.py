@@ -1,0 +1,145 @@
+"""A walker in MuJoCo with odometry and a scan, without ROS."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hcbf_gym import _core
+from hcbf_gym.arrays import Array, Mask
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_robots.envs.walker_drive import WalkerDrive
+from hcbf_robots.envs.walker_physics import WalkerPhysics
+from hcbf_robots.maps import Grid, nav2, reading
+from hcbf_robots.walkers.walker import Walker
+from hcbf_robots.walkers.walker_adapter import Adapter
+
+BEAMS, FARTHEST_BEAM, NEAREST_BEAM = 360, 10.0, 0.05
+"""Of the scan: beams all around, and what they can measure [m]."""
+
+
+class SimulatedRobot:
+    """A robot that is told velocities and says where it is and what it sees.
+
+    What the map shuts is seen by the scan, and drawn, but does not stop the robot: who drives into
+    a wall is to be seen there.
+
+    Args:
+        robot: a contract's path or name.
+        map_file: a map server's YAML; "" for an empty floor.
+        start: x, y [m] and yaw [rad].
+        noise: standard deviation of the scan's ranges [m].
+        timeout: after which without a command the base stops [s].
+        seed: of the noise.
+
+    Raises:
+        InvalidInputError: if a file cannot be read.
+
+    Attributes:
+        time: since the start [s].
+    """
+
+    def __init__(
+        self,
+        robot: str = "cart",
+        map_file: str | Path = "",
+        start: ArrayLike = (0.0, 0.0, 0.0),
+        noise: float = 0.01,
+        timeout: float = 0.5,
+        seed: int = 0,
+    ):
+        walker = Walker.load(robot)
+        self.physics = WalkerPhysics(walker)
+        adapter = Adapter(walker.command, None, math.inf, walker.period)  # not asked: told in axes
+        self._drive = WalkerDrive(self.physics, adapter, None)
+        self._every = round(walker.period / self.dt)  # ticks from one action to the next
+        self._limits = walker.command.limits
+        self._rng = np.random.default_rng(seed)
+        self._noise, self._timeout = noise, timeout
+        self._command, self._until = np.zeros(len(self._limits)), -math.inf
+        self.grid, self.cells = _shut(map_file)
+        x, y, yaw = np.asarray(start, dtype=np.float64).tolist()
+        self._drive.reset(np.array([x, y]), yaw, BarrierSet([()]), self._rng)
+        self.path: list[Array] = []
+        self._ticks, self._due = 0, 0.0
+
+    @property
+    def time(self) -> float:
+        """Since the start [s]."""
+        return float(self.physics.data.time)
+
+    @property
+    def fallen(self) -> bool:
+        """Whether it has fallen; then it lies there."""
+        return bool(self.physics.fallen)
+
+    @property
+    def failed(self) -> bool:
+        """Whether its controller gave something that is no action; the last one was kept."""
+        return self._drive.failed
+
+    @property
+    def dt(self) -> float:
+        """One tick of the physics [s]."""
+        return float(self.physics.model.opt.timestep)
+
+    def tell(self, velocity: ArrayLike) -> None:
+        """Tell it (v_x, v_y, ω) in its own axes [m/s, rad/s], good for the base's time-out."""
+        given = np.asarray(velocity, dtype=np.float64)
+        given = given[[0, 2]] if len(self._limits) == 2 else given
+        self._command = np.clip(given, -self._limits, self._limits)
+        self._until = self.time + self._timeout
+
+    def run(self, seconds: float) -> None:
+        """Advance the physics by so many seconds; `path` has a pose of each tick.
+
+        What is no whole number of ticks is made up for next time.
+        """
+        self._due += seconds / self.dt
+        while self._ticks < round(self._due):
+            if self._ticks % self._every == 0:
+                self._drive.command[:] = self._command if self.time < self._until else 0.0
+                self._drive.act()
+            self._ticks += 1
+            self.physics.step(self._drive.ctrl)
+            self.path.append(self.pose)
+
+    def timed_path(self) -> Array:
+        """Return (N, 4) time [s], x, y [m] and yaw [rad] of every tick."""
+        path = np.array(self.path).reshape(-1, 3)
+        return np.hstack([self.dt * np.arange(1.0, len(path) + 1.0)[:, None], path])
+
+    @property
+    def pose(self) -> Array:
+        """(3,) x, y [m] and yaw [rad]."""
+        return np.array([*self.physics.data.qpos[:2], self.physics.yaw])
+
+    @property
+    def twist(self) -> Array:
+        """(3,) v_x, v_y [m/s] and ω [rad/s] in its own axes."""
+        velocity, yaw = self.physics.data.qvel, self.physics.yaw
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        ahead, aside = cos * velocity[0] + sin * velocity[1], cos * velocity[1] - sin * velocity[0]
+        return np.array([ahead, aside, velocity[5]])
+
+    def scan(self) -> Array:
+        """Return (BEAMS,) noisy ranges from −π on [m]; +inf saw nothing."""
+        x, y, yaw = self.pose
+        angles = yaw - math.pi + math.tau / BEAMS * np.arange(BEAMS)
+        if self.cells is None or self.grid is None:
+            return np.full(BEAMS, np.inf)
+        (column, row), turn = self.grid.to_cells([[x, y]])[0], self.grid.origin[2]
+        side = self.grid.resolution
+        reach = FARTHEST_BEAM / side
+        far = side * _core.cast_rays(self.cells, column, row, angles - turn, reach)
+        far = far + self._noise * self._rng.standard_normal(BEAMS)
+        return np.where(far < FARTHEST_BEAM, np.maximum(far, NEAREST_BEAM), np.inf)
+
+
+def _shut(map_file: str | Path) -> tuple[Grid | None, Mask | None]:
+    """Return the grid of a map and which of its cells are occupied."""
+    if not map_file:
+        return None, None
+    raster = nav2.read(map_file)
+    return raster.grid, reading.of_map(raster, 1, None, 0.0)[0].cells

@@ -1,0 +1,327 @@
+"""What a walker's controller observes, as named terms in a list.
+
+| term | entries | meaning |
+|---|---|---|
+| `sensor` | as the sensor has | a sensor of the file, by its `name` |
+| `gravity` | 3 | direction of gravity in the axes of a `site`, or of the trunk |
+| `linear_velocity` | 3 | of the trunk's origin, in its own axes [m/s] |
+| `angular_velocity` | 3 | of the trunk, in its own axes [rad/s] |
+| `joints` | k | positions of the driven joints minus home [rad] |
+| `rates` | k | their velocities [rad/s] |
+| `last_action` | k | the controller's last output |
+| `command` | 2, 3 | (v, ω) or (v_x, v_y, ω) [m/s, rad/s] |
+| `phase` | 2 k | cosines of the clock's phases, then their sines |
+| `state` | nq + nv | MuJoCo's qpos and qvel of the robot |
+| `contacts` | k | 1 where one of the `bodies` is touched by 5 N or more |
+
+A one of your own is a function and a name in `TERMS`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from hcbf_gym import records
+from hcbf_gym.arrays import Array
+from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
+from hcbf_robots.walkers.walker_model import Indices, Parts, as_slice
+from hcbf_robots.walkers.walker_parts import names, numbers, spread
+
+Write = Callable[[Array], None]
+
+TOUCH = 5.0
+"""Force from which on a body counts as touched [N]."""
+
+
+class Source(NamedTuple):
+    """What terms read.
+
+    Attributes:
+        model: the compiled scene.
+        data: its state.
+        parts: names of the robot's parts.
+        at: where the scene has them.
+        command: (c,) what the controller is told now.
+        last_action: (k,) its last output.
+        phase: (p,) the clock's phases now [rad].
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    parts: Parts
+    at: Indices
+    command: Array
+    last_action: Array
+    phase: Array
+
+
+Options = Mapping[str, Any]
+"""What a term asks for besides its name and scale."""
+
+
+class Reading(NamedTuple):
+    """One term, ready to be read: how many entries it has, and what writes them."""
+
+    size: int
+    write: Write
+
+
+@dataclass(frozen=True)
+class Term:
+    """One entry of a contract's observation.
+
+    Args:
+        term: a name of `TERMS`.
+        scale: of its entries, a number or one for each.
+        options: what this term asks for besides.
+    """
+
+    term: str
+    scale: tuple[float, ...]
+    options: Options
+
+
+def read_terms(value: object) -> tuple[Term, ...]:
+    """Return the terms of a contract's list.
+
+    Raises:
+        InvalidInputError: if it is no list of terms, or an option is missing, unknown or malformed.
+        UnknownNameError: if there is no such term.
+    """
+    if not isinstance(value, Sequence) or isinstance(value, str) or not value:
+        raise InvalidInputError(f"observation: got {value!r}, expected a list of terms")
+    return tuple(_term(item) for item in value)
+
+
+def _term(item: Any) -> Term:
+    given = {"term": item} if isinstance(item, str) else item
+    records.check_mapping("observation", given)
+    if "term" not in given:
+        raise InvalidInputError(f"observation: got {given!r}, expected a 'term' in it")
+    name = given["term"]
+    required, optional = choose("term", name, TERMS).options
+    options = {key: value for key, value in given.items() if key not in ("term", "scale")}
+    check_options(f"observation: {name}", options, (*required, *optional))
+    for key in required:
+        if key not in options:
+            raise InvalidInputError(f"observation: {name}: got no {key!r}, expected it")
+    for key, value in options.items():
+        if key == "bodies":
+            options[key] = names(f"observation: {name}: {key}", value)
+        elif not isinstance(value, str) or not value:
+            raise InvalidInputError(f"observation: {name}: {key}: got {value!r}, expected a name")
+    return Term(name, numbers(f"observation: {name}: scale", given.get("scale", 1.0)), options)
+
+
+def sensors_of(terms: Sequence[Term]) -> set[str]:
+    """Return the names of the file's sensors that terms read."""
+    return {term.options["name"] for term in terms if term.term == "sensor"}
+
+
+def add_touch_sensors(spec: mujoco.MjSpec, terms: Sequence[Term]) -> None:
+    """Let the simulation report the net force on the bodies whose contacts are read.
+
+    Raises:
+        RobotModelError: if there is no such body.
+    """
+    have = [body.name for body in spec.bodies]
+    for term in terms:
+        for body in term.options.get("bodies", ()):
+            if body not in have:
+                raise RobotModelError(f"contacts: got no body {body!r}, expected among {have}")
+            spec.add_sensor(
+                name=_touch(body),
+                type=mujoco.mjtSensor.mjSENS_CONTACT,
+                objtype=mujoco.mjtObj.mjOBJ_BODY,
+                objname=body,
+                intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), _NET_FORCE, 1),
+            )
+
+
+_NET_FORCE = 3  # a contact sensor's reduction: the contacts' sum, in the world's axes
+
+
+def _touch(body: str) -> str:
+    return f"touch of {body}"
+
+
+class Observer:
+    """Writes an observation from the present state.
+
+    Args:
+        terms: in the order of the observation.
+        source: what they read.
+
+    Raises:
+        RobotModelError: if a term names what the scene has not.
+        InvalidInputError: if there are more scales than entries.
+
+    Attributes:
+        size: of the observation.
+    """
+
+    def __init__(self, terms: Sequence[Term], source: Source):
+        readings = [TERMS[term.term].bind(source, term.options) for term in terms]
+        self.size = sum(reading.size for reading in readings)
+        scales = [
+            spread(f"observation: {term.term}: scale", term.scale, reading.size)
+            for term, reading in zip(terms, readings, strict=True)
+        ]
+        self._scale = np.concatenate(scales)
+        self._scaled = bool((self._scale != 1.0).any())
+        self._out = np.zeros(self.size)
+        ends = np.cumsum([reading.size for reading in readings])
+        self._writes = [
+            (reading.write, self._out[end - reading.size : end])
+            for reading, end in zip(readings, ends, strict=True)
+        ]
+
+    def observe(self) -> Array:
+        """Return (size,) the observation; the next call writes to the same array."""
+        for write, part in self._writes:
+            write(part)
+        if self._scaled:
+            self._out *= self._scale
+        return self._out
+
+
+def _copies(view: Array) -> Reading:
+    """Return the reading of an array that is changed in place."""
+
+    def write(out: Array) -> None:
+        out[:] = view
+
+    return Reading(view.size, write)
+
+
+def _sensor(s: Source, options: Options) -> Reading:
+    index = s.model.sensor(options["name"]).id
+    first, size = int(s.model.sensor_adr[index]), int(s.model.sensor_dim[index])
+    return _copies(s.data.sensordata[first : first + size])
+
+
+def _gravity(s: Source, options: Options) -> Reading:
+    if "site" not in options:
+        up = s.data.xmat[s.model.body(s.parts.trunk).id][6:]
+    else:
+        sites = [s.model.site(i).name for i in range(s.model.nsite)]
+        if options["site"] not in sites:
+            raise RobotModelError(
+                f"gravity: got no site {options['site']!r}, expected among {sites}"
+            )
+        up = s.data.site_xmat[s.model.site(options["site"]).id][6:]
+
+    def write(out: Array) -> None:
+        np.negative(up, out)
+
+    return Reading(3, write)
+
+
+def _linear_velocity(s: Source, options: Options) -> Reading:
+    rotation = s.data.xmat[s.model.body(s.parts.trunk).id].reshape(3, 3)
+    velocity = s.data.qvel[:3]
+
+    def write(out: Array) -> None:
+        np.dot(velocity, rotation, out)
+
+    return Reading(3, write)
+
+
+def _angular_velocity(s: Source, options: Options) -> Reading:
+    return _copies(s.data.qvel[3:6])
+
+
+def _joints(s: Source, options: Options) -> Reading:
+    _need_joints(s, "joints")
+    at, home = as_slice(s.at.q), s.parts.home[s.at.q - 7]
+    qpos = s.data.qpos
+
+    def write(out: Array) -> None:
+        np.subtract(qpos[at], home, out)
+
+    return Reading(len(s.at.q), write)
+
+
+def _rates(s: Source, options: Options) -> Reading:
+    _need_joints(s, "rates")
+    at, qvel = as_slice(s.at.rate), s.data.qvel
+
+    def write(out: Array) -> None:
+        out[:] = qvel[at]
+
+    return Reading(len(s.at.rate), write)
+
+
+def _need_joints(s: Source, term: str) -> None:
+    if not s.parts.joints:
+        raise InvalidInputError(
+            f"observation: got {term!r} and no driven joints, expected action: joints"
+        )
+
+
+def _last_action(s: Source, options: Options) -> Reading:
+    return _copies(s.last_action)
+
+
+def _command(s: Source, options: Options) -> Reading:
+    return _copies(s.command)
+
+
+def _phase(s: Source, options: Options) -> Reading:
+    count = len(s.phase)
+    if not count:
+        raise InvalidInputError("observation: got 'phase' and no clock, expected phase: frequency")
+
+    def write(out: Array) -> None:
+        np.cos(s.phase, out[:count])
+        np.sin(s.phase, out[count:])
+
+    return Reading(2 * count, write)
+
+
+def _state(s: Source, options: Options) -> Reading:
+    nq = 7 + len(s.parts.home)
+    qpos, qvel = s.data.qpos[:nq], s.data.qvel[: nq - 1]
+
+    def write(out: Array) -> None:
+        out[:nq] = qpos
+        out[nq:] = qvel
+
+    return Reading(2 * nq - 1, write)
+
+
+def _contacts(s: Source, options: Options) -> Reading:
+    at = [s.model.sensor_adr[s.model.sensor(_touch(body)).id] for body in options["bodies"]]
+    places, forces = np.add.outer(np.array(at), np.arange(3)), s.data.sensordata
+
+    def write(out: Array) -> None:
+        force = forces[places]
+        out[:] = (force * force).sum(axis=1) > TOUCH * TOUCH
+
+    return Reading(len(at), write)
+
+
+class Kind(NamedTuple):
+    """A kind of term: how it is made ready, and the options that it must and may have."""
+
+    bind: Callable[[Source, Options], Reading]
+    options: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+
+
+TERMS: dict[str, Kind] = {
+    "sensor": Kind(_sensor, (("name",), ())),
+    "gravity": Kind(_gravity, ((), ("site",))),
+    "linear_velocity": Kind(_linear_velocity),
+    "angular_velocity": Kind(_angular_velocity),
+    "joints": Kind(_joints),
+    "rates": Kind(_rates),
+    "last_action": Kind(_last_action),
+    "command": Kind(_command),
+    "phase": Kind(_phase),
+    "state": Kind(_state),
+    "contacts": Kind(_contacts, (("bodies",), ())),
+}
+"""name → what a controller may observe."""
