@@ -60,7 +60,7 @@ def walk(robot: str, family: str, seeds: range) -> list[Arrival]:
         seeds: of the scenes.
     """
     warnings.simplefilter("ignore")
-    env = gym.make("HCBF-WalkerRegions-v0", robot=robot, scenario=family)
+    env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=robot, scenario=family)
     filtered = SafetyFilter(env, guidance="geodesic")
     act, look = in_double(policies.make("pd", filtered)), truth_of(env.unwrapped)
     return [_walk(filtered, act, look, seed) for seed in seeds]

@@ -23,6 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from benchmarks.history import ROOT, take_out
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.sources import NAMES
 
 MANY = 8
 """Parameters, above which a function has many."""
@@ -38,9 +39,8 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def sources(root: Path) -> list[Path]:
-    """Return the package's files in a checkout, without its studies."""
-    package = root / "hcbf_gym"
-    return [f for f in package.rglob("*.py") if not f.is_relative_to(package / "studies")]
+    """Return the packages' files in a checkout."""
+    return [f for name in NAMES for f in (root / name).rglob("*.py")]
 
 
 def deleted(then: Path, now: Path) -> str:
@@ -53,7 +53,7 @@ def deleted(then: Path, now: Path) -> str:
         then: the package before, see `count`.
         now: the checkout.
     """
-    places = ("hcbf_gym", "benchmarks", "tests", "examples", "scripts")
+    places = (*NAMES, "benchmarks", "tests", "examples", "scripts")
     here = [file for place in places for file in (now / place).rglob("*.py")]
     before = _lines(sources(then))
     return f"{(before - _lines(here)).total():,} of {before.total():,}"
@@ -83,7 +83,7 @@ def count(root: Path) -> dict[str, str]:
     lengths = {node: (node.end_lineno or 0) - node.lineno + 1 for node in functions}
     longest = max(functions, key=lengths.__getitem__)
     assignments = [node for node in nodes if isinstance(node, ast.Assign)]
-    outside = sorted(set(_imported(nodes)) - set(sys.stdlib_module_names) - {"hcbf_gym"})
+    outside = sorted(set(_imported(nodes)) - set(sys.stdlib_module_names) - set(NAMES))
     several = sum(_several(node) for node in assignments)
     edges = set(_edges(root, files, texts))
     return {
@@ -196,7 +196,7 @@ def main(path: tyro.conf.Positional[Path] = ROOT, against: str = "") -> None:
     columns = {"now": count(path)}
     if against:
         with tempfile.TemporaryDirectory() as folder:
-            places = ("hcbf_gym", "tests", "benchmarks", "README.md", "pyproject.toml")
+            places = (*NAMES, "tests", "benchmarks", "README.md", "pyproject.toml")
             take_out(against, Path(folder), *places)
             columns = {against: count(Path(folder))} | columns
             columns[against]["lines deleted since"] = deleted(Path(folder), path)

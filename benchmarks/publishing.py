@@ -29,7 +29,7 @@ from hcbf_gym.certificates.judge import words
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation.output_folder import write_json, write_text
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.sources import PACKAGE
+from hcbf_gym.sources import NAMES, PACKAGES
 
 _MARKED = re.compile(
     r"<!-- (results|awaits): ([\w-]+)/([^>]+?) -->\n.*?<!-- end of results -->", re.DOTALL
@@ -51,7 +51,7 @@ def publish(root: Path, name: str, figures: dict[str, Any]) -> None:
         InvalidInputError: if `root` is no checkout of this project.
     """
     check_root(root)
-    changed = _git(root, "status", "--porcelain", "--", "hcbf_gym", "benchmarks")
+    changed = _git(root, "status", "--porcelain", "--", *NAMES, "benchmarks")
     record = {
         "suite": name,
         "command": f"python -m benchmarks --suite {name} --publish",
@@ -135,7 +135,7 @@ def certified(root: Path, text: str) -> str:
 
     def fill_one(match: re.Match[str]) -> str:
         kind, name = match.groups()
-        place = next((top / name for top in (PACKAGE, root) if (top / name).exists()), None)
+        place = next((top / name for top in (*PACKAGES, root) if (top / name).exists()), None)
         if place is None:
             raise InvalidInputError(f"{kind}: got {name!r}, expected a path of the checkout")
         shown = certified_table(place) if kind == "certificates" else covered_table(place)

@@ -21,18 +21,13 @@ if TYPE_CHECKING:
     from hcbf_gym import policies, programs, robots, scenarios, wrappers
     from hcbf_gym.filter.batch_filter import BatchFilter
     from hcbf_gym.models.plant import Estimate, Plant
-    from hcbf_robots.online import Command, Response, Robot, VelocityFilter
 
 __version__ = version.VERSION
 __all__ = [
     "BatchFilter",
-    "Command",
     "Estimate",
     "HcbfError",
     "Plant",
-    "Response",
-    "Robot",
-    "VelocityFilter",
     "__version__",
     "policies",
     "programs",
@@ -40,23 +35,21 @@ __all__ = [
     "scenarios",
     "wrappers",
 ]
-_ROOMS = (
-    "barriers", "certificates", "drawing", "envs", "estimation", "evaluation", "filtering",
-    "guidance", "maps", "models", "online", "policies", "programs", "robots", "scenarios",
-    "wrappers",
+_PACKAGES = (
+    "barriers", "certificates", "drawing", "envs", "estimation", "evaluation", "filter",
+    "guidance", "models", "policies", "programs", "robots", "scenarios", "wrappers",
 )  # fmt: skip
 
 __getattr__ = lazily.names_of(
     __name__,
-    {room: room for room in _ROOMS}
+    {package: package for package in _PACKAGES}
     | dict.fromkeys(("Estimate", "Plant"), "models.plant")
-    | dict.fromkeys(("Command", "Response", "Robot", "VelocityFilter"), "online")
-    | {"BatchFilter": "filtering.batch_filter"},
+    | {"BatchFilter": "filter.batch_filter"},
 )
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+    return sorted({*globals(), *__all__, *_PACKAGES})
 
 
 gym.register(
@@ -70,5 +63,3 @@ gym.register(
     entry_point="hcbf_gym.envs:A1RegionsEnv",
     max_episode_steps=1000,
 )
-
-import hcbf_robots  # noqa: E402, F401

@@ -13,7 +13,6 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
-from importlib import metadata
 from typing import Annotated, Any, get_type_hints
 
 import docstring_parser
@@ -21,12 +20,9 @@ import tyro
 from threadpoolctl import threadpool_limits
 
 from hcbf_gym import arguments as ranges
-from hcbf_gym import records
+from hcbf_gym import plugins, records
 from hcbf_gym.arguments import Subcommand
 from hcbf_gym.errors import HcbfError, choose, require
-
-GROUP = "hcbf.commands"
-"""The group of entry points by which packages add commands: name → a dict such as `OWN`."""
 
 OWN = {
     "evaluate": Subcommand(
@@ -44,10 +40,7 @@ OWN = {
 
 def commands() -> dict[str, Subcommand]:
     """Return name → command: those of this package, then those of installed packages."""
-    found = dict(OWN)
-    for point in sorted(metadata.entry_points(group=GROUP), key=lambda point: point.name):
-        found |= point.load()
-    return found
+    return OWN | plugins.load()
 
 
 READS = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)

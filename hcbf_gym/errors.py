@@ -79,7 +79,7 @@ class SafetyWarning(UserWarning):
     """The filter brakes, or has noticed that the plant is not the one that was declared."""
 
 
-_PASSED = {"hcbf_gym", "gymnasium", "contextlib", "functools"}
+_PASSED = {"hcbf_gym", "hcbf_robots", "hcbf_lab", "gymnasium", "contextlib", "functools"}
 """Packages whose lines are not the user's."""
 
 

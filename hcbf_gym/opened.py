@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from hcbf_gym import sources
+
 MISSING = "missing"
 """In the place of a hash, of a file that is not there."""
 _WRITTEN = ""
@@ -24,7 +26,7 @@ _APART = tuple(
     f"{os.path.realpath(folder)}{os.sep}"
     for folder in (
         "/dev", "/etc", "/lib", "/proc", "/sys", "/usr", Path.home() / ".cache", sys.prefix,
-        sys.base_prefix, Path(__file__).parent,
+        sys.base_prefix, *sources.PACKAGES,
     )
 )  # fmt: skip
 """Folders of the system, of installed packages and of this one, whose versions are known."""

@@ -9,7 +9,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
-"""Where the sources of this package lie."""
+NAMES = ("hcbf_gym", "hcbf_robots", "hcbf_lab")
+PACKAGES = tuple(PACKAGE.parent / name for name in NAMES)
+"""Where the sources are."""
 CORE = PACKAGE.parent / "core"
 """Those of the core, in a checkout."""
 REMEDY = "compile it in the checkout:\n    make core\nor install the package again"
@@ -57,13 +59,19 @@ def read_by_name() -> list[Path]:
     """Return what no import tells of: environments made by name, robots and policies in files."""
     patterns = (
         "envs/*.py",
-        "registered.py",
-        "robots/**/*.xml",
-        "robots/**/*.json",
+        "robots/a1/*.xml",
+        "carts/*.xml",
+        "carts/*.json",
         "policies/baselines/*",
         "evaluation/*.json",
     )
-    return [file for pattern in patterns for file in PACKAGE.glob(pattern) if file.is_file()]
+    return [
+        file
+        for pattern in patterns
+        for top in PACKAGES
+        for file in top.glob(pattern)
+        if file.is_file()
+    ]
 
 
 def reached(files: Iterable[Path]) -> set[Path]:
@@ -80,7 +88,9 @@ def reached(files: Iterable[Path]) -> set[Path]:
 
 def of_user(file: Path) -> list[Path]:
     """Return a file and what it imports, without this package."""
-    return sorted(one for one in reached([file]) if not one.is_relative_to(PACKAGE))
+    return sorted(
+        one for one in reached([file]) if not any(one.is_relative_to(top) for top in PACKAGES)
+    )
 
 
 @functools.cache
@@ -108,8 +118,9 @@ def _imported(file: Path) -> list[Path]:
             if place is not None:
                 places += [place, *(place / name for name in _bare(names))]
     paths = [path for place in places for path in (place.with_suffix(".py"), place / "__init__.py")]
-    # the package's own __init__ imports every room, and nothing computes with what stands in it
-    return [path for path in paths if path.is_file() and path != PACKAGE / "__init__.py"]
+    # a package's own __init__ imports every subpackage, and nothing computes with what it has
+    tops = {top / "__init__.py" for top in PACKAGES}
+    return [path for path in paths if path.is_file() and path not in tops]
 
 
 def _bare(names: str) -> list[str]:
@@ -125,7 +136,7 @@ def _place(file: Path, module: str) -> Path | None:
     parts = name.split(".") if name else []
     if dots:
         return file.parents[dots - 1].joinpath(*parts)
-    for folder in (PACKAGE, _top(file)):
+    for folder in (*PACKAGES, _top(file)):
         if folder.name == parts[0]:
             return folder.joinpath(*parts[1:])
     in_package = (file.parent / "__init__.py").is_file()

@@ -1,1 +1,3 @@
-"""Long runs built on everything else: certificates, the paper reproduced, tuning, playground."""
+"""Studies: certificates earned, the paper reproduced, weights tuned, and a playground."""
+
+import hcbf_robots  # noqa: F401 - registers environments and maps

@@ -16,7 +16,7 @@ Rectangle = tuple[float, float, float, float]
 """Least x and y, greatest x and y [m]."""
 Image8 = NDArray[np.uint8]
 
-FOLDER = Path(__file__).parents[1] / "hcbf_gym" / "maps" / "plans"
+FOLDER = Path(__file__).parents[1] / "hcbf_robots" / "maps" / "plans"
 RESOLUTION = 0.05
 """Side of a cell [m]."""
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0

@@ -9,8 +9,9 @@ import pytest
 from needs import imported, needs
 
 import hcbf_gym
+from hcbf_gym.sources import PACKAGES
 
-PACKAGE = Path(hcbf_gym.__file__).parent
+ROOT = Path(hcbf_gym.__file__).parents[1]
 
 
 def shown(file):
@@ -18,16 +19,16 @@ def shown(file):
     return "\n".join(re.findall(r"^ *>>>.*$", file.read_text(encoding="utf-8"), re.MULTILINE))
 
 
-SHOWN = sorted(file for file in PACKAGE.rglob("*.py") if shown(file))
+SHOWN = sorted(file for top in PACKAGES for file in top.rglob("*.py") if shown(file))
 
 
 @pytest.mark.parametrize(
     "file",
     [pytest.param(file, marks=needs(*imported(shown(file)))) for file in SHOWN],
-    ids=lambda file: str(file.relative_to(PACKAGE)),
+    ids=lambda file: str(file.relative_to(ROOT)),
 )
 def test_the_examples_of_a_docstring_do_what_they_show(file):
-    names = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    names = file.relative_to(ROOT).with_suffix("").parts
     module = importlib.import_module(".".join(names).removesuffix(".__init__"))
     result = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     assert result.attempted > 0

@@ -27,18 +27,18 @@ BESIDE = {"certify": ["regions"], "identify": ["cart"]}
 ANY_FINITE = {"tune --mean", "tune --covariance", "ros-sim --start"}
 """Numbers without a range."""
 WORK = {
-    "evaluate": [("evaluation.command", "_run")],
+    "evaluate": [("hcbf_gym.evaluation.command", "_run")],
     "certify": [
-        ("evaluation.certification.certify", "calibrated"),
-        ("evaluation.certification.certify", "certify"),
-        ("evaluation.certification.check", "check"),
+        ("hcbf_lab.certification.certify", "calibrated"),
+        ("hcbf_lab.certification.certify", "certify"),
+        ("hcbf_lab.certification.check", "check"),
     ],
-    "identify": [("studies.identification.identify", "identify")],
-    "reproduce": [("studies.reproduction.command", "reproduce")],
-    "tune": [("studies.tuning.command", "TuningStudy")],
-    "train": [("studies.training.train", "make_model")],
-    "play": [("play.command", "Page")],
-    "ros-sim": [("ros.sim_node", "spin")],
+    "identify": [("hcbf_robots.identification.identify", "identify")],
+    "reproduce": [("hcbf_lab.reproduction.command", "reproduce")],
+    "tune": [("hcbf_lab.tuning.command", "TuningStudy")],
+    "train": [("hcbf_gym.training.train", "make_model")],
+    "play": [("hcbf_lab.play.command", "Page")],
+    "ros-sim": [("hcbf_robots.ros.sim_node", "spin")],
 }
 """Where a command's work begins."""
 
@@ -154,7 +154,7 @@ def test_what_no_argument_may_be_is_refused_in_one_line(name, tmp_path, monkeypa
     module = importlib.import_module(cli.commands()[name].module)
     for where, attribute in WORK.get(name, ()):
         if name != "ros-sim" or importlib.util.find_spec("rclpy"):
-            work = importlib.import_module(f"hcbf_gym.{where}")
+            work = importlib.import_module(where)
             monkeypatch.setattr(work, attribute, began)
     before = tree(tmp_path)
     failures = []

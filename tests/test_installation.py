@@ -67,7 +67,7 @@ import hcbf_gym.programs.qp
 def test_a_cart_needs_no_pinocchio():
     code = """
 import gymnasium as gym, numpy as np, hcbf_gym
-env = gym.make("HCBF-WalkerRegions-v0", robot="cart")
+env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot="cart")
 env.reset(seed=0)
 env.step(np.zeros(2))
 """
@@ -78,14 +78,14 @@ env.step(np.zeros(2))
     ("call", "line"),
     [
         ("gym.make('HCBF-A1Regions-v0')", "pip install 'mujoco>=3.11' 'pin>=4.0'"),
-        ("gym.make('HCBF-WalkerRegions-v0')", "pip install 'mujoco>=3.11'"),
+        ("gym.make('hcbf_robots:HCBF-WalkerRegions-v0')", "pip install 'mujoco>=3.11'"),
         ("hcbf_robots.VelocityFilter('cart', [])", "pip install 'mujoco>=3.11'"),
         ("hcbf_gym.barriers.Function('f', 1, lambda x, t: x[0])", "-e '.[jax]'"),
     ],
 )
 def test_what_is_missing_is_named_with_a_line_that_works(call, line):
     code = f"""
-import gymnasium as gym, hcbf_gym, hcbf_gym.barriers
+import gymnasium as gym, hcbf_gym, hcbf_gym.barriers, hcbf_robots
 try:
     {call}
 except hcbf_gym.HcbfError as error:

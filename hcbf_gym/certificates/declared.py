@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hcbf_gym import records
+from hcbf_gym import records, sources
 from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import identity
 from hcbf_gym.certificates.introspection import attributes
@@ -85,7 +85,8 @@ def robot_of(name: str, files: Iterable[Path]) -> str:
 def is_of_package(reader: object) -> bool:
     """Return whether a reader is one of this package."""
     inner = reader.func if isinstance(reader, functools.partial) else reader
-    return callable(reader) and str(getattr(inner, "__module__", "")).startswith("hcbf_gym.")
+    top = str(getattr(inner, "__module__", "")).partition(".")[0]
+    return callable(reader) and top in sources.NAMES
 
 
 def _identified(name: str, part: Any) -> object:

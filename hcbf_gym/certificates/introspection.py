@@ -8,7 +8,7 @@ import sys
 import types
 from typing import Any
 
-from hcbf_gym import version
+from hcbf_gym import sources, version
 
 DRAWN = ("_np_random", "_np_random_seed", "spec", "render_mode")
 """Attributes of Gymnasium's environments and spaces that decide no transition."""
@@ -33,7 +33,7 @@ def attributes(thing: Any) -> dict[str, Any]:
 def release(module: str) -> str | None:
     """Return the version of the installed package that a module belongs to; None of the user's."""
     top = module.partition(".")[0]
-    return version.VERSION if top == "hcbf_gym" else _installed(top)
+    return version.VERSION if top in sources.NAMES else _installed(top)
 
 
 @functools.cache

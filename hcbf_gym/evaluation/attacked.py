@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from scipy.stats import chi2
 
-from hcbf_gym import policies, wrappers
+from hcbf_gym import plugins, policies, wrappers
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
@@ -54,6 +54,7 @@ class AttackedEpisode:
         """Run the episode to its end."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LoweredWarning)
+            plugins.load()  # which may register the environment
             env = gym.make(self.env, scenario=self.scenario, **(self.env_options or {}))
         env = env if self.inside is None else self.inside(env)
         options: dict[str, Any] = {"program": "lex-cbf-qp"} | dict(self.filter_options or {})

@@ -30,9 +30,9 @@ from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
 from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, UnknownNameError, require, said_once
-from hcbf_gym.evaluation import chunks, own_environment
+from hcbf_gym.evaluation import chunks, environments, own_environment
 from hcbf_gym.evaluation.chunks import Runs
-from hcbf_gym.evaluation.environments import ENVIRONMENTS, Known
+from hcbf_gym.evaluation.environments import Known
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
@@ -133,7 +133,7 @@ class Args:
     @property
     def known(self) -> Known:
         """What is known of the environment; nothing of one's own."""
-        return ENVIRONMENTS.get(self.env, Known(None))
+        return environments.known().get(self.env, Known(None))
 
     @property
     def env_options(self) -> dict[str, Any]:
@@ -216,15 +216,15 @@ def _check(args: Args) -> None:
         HcbfError: if there are some.
     """
     Runs(None, args.workers, args.backend).check()
-    if not (args.own or args.env in ENVIRONMENTS):
+    if not (args.own or args.env in environments.known()):
         raise UnknownNameError(
-            f"unknown environment: got {args.env!r}, expected one of {list(ENVIRONMENTS)}, "
+            f"unknown environment: got {args.env!r}, expected one of {list(environments.known())}, "
             "file.py:function or module:function"
         )
     for name in ("robot", "body"):
         value, takes = (
             getattr(args, name),
-            [e for e, k in ENVIRONMENTS.items() if name in k.options],
+            [e for e, k in environments.known().items() if name in k.options],
         )
         if value != getattr(Args, name) and args.env not in takes:
             raise InvalidInputError(

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hcbf_gym import plugins
 from hcbf_gym.errors import InvalidInputError
 
 
@@ -25,23 +26,29 @@ class Known(NamedTuple):
     files: Callable[[Mapping[str, Any]], list[Path]] = _no_files
 
 
-ENVIRONMENTS: dict[str, Known] = {}
-"""id → what commands know of it."""
+_ENVIRONMENTS: dict[str, Known] = {}
 
 
-def register(env: str, known: Known) -> None:
+def known() -> dict[str, Known]:
+    """Return id → what commands know of it, those of installed packages included."""
+    plugins.load()
+    return _ENVIRONMENTS
+
+
+def register(env: str, facts: Known) -> None:
     """Let `hcbf evaluate` and others take an environment of Gymnasium's registry.
 
     Args:
         env: its id; it takes `scenario` and `render_mode`.
-        known: of it.
+        facts: what commands know of it.
 
     Raises:
         InvalidInputError: if the id is taken.
     """
-    if ENVIRONMENTS.setdefault(env, known) is not known:
+    if _ENVIRONMENTS.setdefault(env, facts) is not facts:
         raise InvalidInputError(
-            f"environment: got {env!r}, expected an id that is not registered: {list(ENVIRONMENTS)}"
+            f"environment: got {env!r}, expected an id that is not registered: "
+            f"{list(_ENVIRONMENTS)}"
         )
 
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from hcbf_gym import loading, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.evaluation import own_environment
+from hcbf_gym.evaluation import environments, own_environment
 from hcbf_gym.evaluation.chunks import Runs
-from hcbf_gym.evaluation.environments import ENVIRONMENTS
 from hcbf_gym.evaluation.recorded import Episode, rollout
 from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, upper_bound
 from hcbf_gym.models.plant import Plant
@@ -39,8 +38,8 @@ class Case:
     """One cell of an evaluation: an environment, a scene, a policy and a program.
 
     Args:
-        env: one of `ENVIRONMENTS`, or ``file.py:function`` or ``module:function`` that returns
-            (environment, plant).
+        env: an id of `environments.known()`, or ``file.py:function`` or ``module:function``
+            that returns (environment, plant).
         scenario: what `hcbf_gym.scenarios.make` takes; not read with an environment of your own.
         policy: as `policies.make` takes it.
         program: a program's name, or "none".
@@ -77,10 +76,10 @@ class Case:
         plant = None
         if loading.is_function(self.env):
             env, plant = own_environment.make(self.env)
-        elif self.env not in ENVIRONMENTS:
+        elif self.env not in environments.known():
             raise UnknownNameError(
-                f"unknown environment: got {self.env!r}, expected one of {list(ENVIRONMENTS)}, "
-                "file.py:function or module:function"
+                f"unknown environment: got {self.env!r}, expected one of "
+                f"{list(environments.known())}, file.py:function or module:function"
             )
         else:
             env = gym.make(

@@ -127,7 +127,7 @@ def differs(plant: Plant, env: Any) -> list[str]:
         env: unwrapped.
     """
     said = []
-    ours = type(env).__module__.startswith("hcbf_gym.")
+    ours = certificates.is_of_package(type(env))
     if certificates.is_of_package(plant.declared) and not ours:
         said.append("another environment than the package's")
     own = getattr(env, "plant", None)

@@ -1,12 +1,1 @@
-"""Robots: what the package brings along, and the contracts by which others come."""
-
-from typing import TYPE_CHECKING
-
-from hcbf_gym import lazily
-
-if TYPE_CHECKING:
-    from hcbf_robots.walkers.walker import Walker
-
-__all__ = ["Walker"]
-
-__getattr__ = lazily.names_of(__name__, {"Walker": "walker"})  # reads MJCF by MuJoCo
+"""The Unitree A1, and other robots with its joints."""

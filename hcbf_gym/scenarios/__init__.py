@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hcbf_gym import loading, records
+from hcbf_gym import loading, plugins, records
 from hcbf_gym.errors import (
     InvalidInputError,
     UnknownNameError,
@@ -152,6 +152,8 @@ def family_of(scenario: ScenarioLike) -> Family | None:
                 f"unknown scenario: got {scenario!r}, expected one of {families()}, or that "
                 f"{where} calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
             )
+    if name not in {*_NAMED, *_FAMILIES}:
+        plugins.load()  # which may register it
     return _FAMILIES.get(name)
 
 

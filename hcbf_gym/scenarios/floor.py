@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from hcbf_gym import plugins
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.errors import InvalidInputError
@@ -84,10 +85,14 @@ def floors() -> Floors:
     """Return how maps are read and used.
 
     Raises:
-        InvalidInputError: if no package of maps is imported.
+        InvalidInputError: if no package of maps is installed.
     """
     if not _FLOORS:
-        raise InvalidInputError("map: got one, expected `import hcbf_robots`, which reads maps")
+        plugins.load()
+    if not _FLOORS:
+        raise InvalidInputError(
+            "map: got one, expected the package hcbf_robots, which reads maps, to be installed"
+        )
     return _FLOORS[0]
 
 

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-from hcbf_gym import certificates, opened
+from hcbf_gym import certificates, opened, sources
 from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import BLOCK, Block, Certificate, Stratum, sequential
 from hcbf_gym.certificates.certificate import SEEDS, TRY_SEEDS
@@ -23,7 +23,6 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, RefusedError, fi
 from hcbf_gym.evaluation import chunks, own_environment
 from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.models.plant import Plant, Uncertainty
-from hcbf_gym.sources import PACKAGE
 from hcbf_lab.certification import calibration, families, own
 from hcbf_lab.certification.families import Family, Seen, run_searched, run_seed
 
@@ -212,7 +211,7 @@ class Frozen:
 
 def commit() -> str:
     """Return the commit of this package's checkout, with a + after edits; "" without a checkout."""
-    root = PACKAGE.parent
+    root = sources.PACKAGE.parent
     if not (root / ".git").exists():
         return ""
 
@@ -223,7 +222,7 @@ def commit() -> str:
         return done.stdout.strip()
 
     try:
-        edited = git("status", "--porcelain", "--", PACKAGE.name)
+        edited = git("status", "--porcelain", "--", *sources.NAMES, "core")
         return git("rev-parse", "--short=7", "HEAD") + "+" * bool(edited)
     except (OSError, subprocess.CalledProcessError):  # without git, or without a commit
         return ""

@@ -17,10 +17,9 @@ from hcbf_gym.errors import (
     choose,
     finite_float,
 )
-from hcbf_gym.evaluation import own_environment
+from hcbf_gym.evaluation import environments, own_environment
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
-from hcbf_gym.evaluation.environments import ENVIRONMENTS
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import learned
 from hcbf_lab.certification import own
@@ -236,7 +235,7 @@ class SceneFamily:
     @property
     def files(self) -> list[Path]:
         """The user's files that decide the episodes."""
-        robot = ENVIRONMENTS[self.env].files(self.options)
+        robot = environments.known()[self.env].files(self.options)
         scenes = [file for family in self._families for file in family.files]
         return robot + scenes + _files_of(self.policies)
 

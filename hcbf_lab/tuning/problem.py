@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from hcbf_gym import programs, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.evaluation import environments
 from hcbf_gym.evaluation.chunks import Runs
-from hcbf_gym.evaluation.environments import ENVIRONMENTS
 from hcbf_gym.evaluation.rollouts import Case, Episode
 from hcbf_lab.tuning.cost import Cost, relaxation
 from hcbf_lab.tuning.simulate import check_weights, simulate
@@ -45,7 +45,7 @@ class Problem:
     cost: Cost = field(default_factory=Cost)
 
     def __post_init__(self) -> None:
-        choose("environment", self.env, ENVIRONMENTS)
+        choose("environment", self.env, environments.known())
         taken = programs.options(self.program)
         if not {"gamma0", "delta_gamma"} <= set(taken):
             raise InvalidInputError(

@@ -27,15 +27,13 @@ def many(a, b, c, d, e, f, g, h, i) -> Any: ...
 
 @pytest.fixture
 def checkout(tmp_path):
-    for folder in ("hcbf_gym/rooms/studies", "hcbf_lab"):
-        (tmp_path / folder).mkdir(parents=True)
-    (tmp_path / "hcbf_gym/rooms/studies/code.py").write_text(CODE)
+    (tmp_path / "hcbf_lab").mkdir()
     (tmp_path / "hcbf_lab/code.py").write_text(CODE)
     (tmp_path / "README.md").write_text("# Three words\nand three more\n")
     return tmp_path
 
 
-def test_each_figure_is_that_of_the_package_without_its_studies(checkout):
+def test_each_figure_is_that_of_the_packages(checkout):
     counted = house.count(checkout)
     assert counted["files"] == "1"
     assert counted["lines"] == str(len(CODE.splitlines()))
@@ -60,7 +58,7 @@ def test_circles_arrows_upwards_and_aliases_are_counted(checkout):
         "high/four.py": "from hcbf_gym.low.three import Numbers",
         "low/five.py": "if TYPE_CHECKING:\n    from hcbf_gym.high.four import g",
     }.items():
-        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_text(text + "\n")
     (checkout / "tests").mkdir()
     (checkout / "tests" / "test.py").write_text("a = 1\nb = 2\n")

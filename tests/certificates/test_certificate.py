@@ -370,7 +370,7 @@ def test_a_plant_that_is_not_the_environments_own_is_not_covered(what, certifica
 
 @pytest.mark.parametrize("other", [{"turn": 9.0}, {"look_ahead": 0.6}, {"forward": 2.0}])
 def test_another_axle_than_the_carts_own_is_not_covered(other, released):
-    env = gym.make("HCBF-WalkerRegions-v0", robot="cart", scenario="random")
+    env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot="cart", scenario="random")
     own = env.unwrapped.plant
     assert covered(SafetyFilter(env, plant=own)) == Coverage.COVERED
     plant = replace(own, axle=own.axle._replace(**other))
@@ -380,7 +380,7 @@ def test_another_axle_than_the_carts_own_is_not_covered(other, released):
 
 
 def test_lower_margins_than_the_environments_are_not_covered(released):
-    env = gym.make("HCBF-WalkerRegions-v0", robot="cart", scenario="random")
+    env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot="cart", scenario="random")
     plant = replace(env.unwrapped.plant, uncertainty=Uncertainty())
     with pytest.warns(CoverageWarning, match="a lower uncertainty"):
         assert covered(SafetyFilter(env, plant=plant)) == Coverage.OUTSIDE

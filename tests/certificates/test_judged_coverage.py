@@ -183,7 +183,9 @@ def batch(**options):
 
 
 def cart(**options):
-    return gym.make("HCBF-WalkerRegions-v0", robot="cart", **({"scenario": "random"} | options))
+    return gym.make(
+        "hcbf_robots:HCBF-WalkerRegions-v0", robot="cart", **({"scenario": "random"} | options)
+    )
 
 
 def moved(env):

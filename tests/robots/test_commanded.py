@@ -18,7 +18,7 @@ def walked(robot, seconds=3.0):
     """Return the mean velocity of the last second after a ramp to .5 m/s, and whether it fell."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        env = gym.make("HCBF-WalkerRegions-v0", robot=str(robot), scenario="random")
+        env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=str(robot), scenario="random")
     env.reset(seed=0)
     seen = []
     for k in range(round(seconds / 0.02)):
@@ -40,4 +40,4 @@ def test_the_go2_of_the_wheel_walks_by_contract(tmp_path):
 
 def test_the_a1_is_named_with_its_own_environment():
     with pytest.raises(UnknownNameError, match="HCBF-A1Regions-v0"):
-        gym.make("HCBF-WalkerRegions-v0", robot="a1", scenario="random")
+        gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot="a1", scenario="random")

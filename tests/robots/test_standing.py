@@ -9,14 +9,14 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 
-import hcbf_gym
+import hcbf_robots
 from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import SafetyWarning
 from hcbf_robots import Command, Response, Robot, VelocityFilter
 from hcbf_robots.walkers import Walker
 from hcbf_robots.walkers.walker_response import assumed
 
-CARTS = Path(hcbf_gym.__file__).parent / "robots" / "carts"
+CARTS = Path(hcbf_robots.__file__).parent / "carts"
 FAR = Disc("far", 1, center=(500.0, 500.0), radius=1.0)
 COMMAND = Command(forward=1.0, turn=1.0, sideways=1.0)
 EXACT = replace(assumed(COMMAND), residual=(0.01, 0.02, 0.03), overshoot=0.02)
@@ -28,7 +28,7 @@ def by_environment(response, v_max, folder):
     said = {key: value for key, value in asdict(response).items() if value is not None}
     (folder / "holonomic-cart.response.json").write_text(json.dumps(said), encoding="utf-8")
     robot = str(folder / "holonomic-cart.json")
-    gym.make("HCBF-WalkerRegions-v0", robot=robot, v_max=v_max).close()
+    gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=robot, v_max=v_max).close()
 
 
 def by_velocity_filter(response, v_max, folder):
