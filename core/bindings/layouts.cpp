@@ -110,7 +110,7 @@ Fields fields_of<plants::Constants>() {
   using Record = plants::Constants;
   Fields fields = {FIELD(lower), FIELD(by_level), FIELD(lock), FIELD(ranks), FIELD(guided), FIELD(radius),
                    FIELD(lambda_u), FIELD(known_offset), FIELD(corners), FIELD(input_sets), FIELD(weights),
-                   FIELD(made), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(sway),
+                   FIELD(made), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(tracking),
                    FIELD(settles), FIELD(drives), FIELD(axle), FIELD(axle_rows), FIELD(jerk),
                    FIELD(has_way), FIELD(through), FIELD(brakes), FIELD(observed)};
   put_within(fields, offsetof(Record, uncertainty), fields_of<Uncertainty>());
@@ -123,7 +123,7 @@ Fields fields_of<plants::Plant>() {
   Fields fields = {FIELD(x), FIELD(time), FIELD(model), FIELD(lag), FIELD(covariance), FIELD(elapsed),
                    FIELD(fault), FIELD(has_model), FIELD(heading), FIELD(way), FIELD(turns), FIELD(turn),
                    FIELD(reachable), FIELD(lost), FIELD(zone), FIELD(expected), FIELD(vague), FIELD(growth),
-                   FIELD(believed), FIELD(headed), FIELD(believed_at), FIELD(follows), FIELD(known),
+                   FIELD(accepted), FIELD(headed), FIELD(accepted_at), FIELD(follows), FIELD(known),
                    FIELD(alarm), FIELD(moves)};
   put_within(fields, offsetof(Record, watched), fields_of<monitor::Memory>());
   put_within(fields, offsetof(Record, planar), fields_of<monitor::PlanarMemory>());

@@ -52,7 +52,7 @@ class ReasonWarnings:
         self._known.add(kind)
         until = "until the next reset" if Reason(reason).lasts else "until that ends"
         brakes = reason < FIRST_ALARM or self._brakes
-        does = "brakes" if brakes else "goes on, and promises nothing"
+        does = "brakes" if brakes else "continues without a promise"
         many = "" if count == 1 else f" of {count} plants"
         text = f"{Reason(reason).says}{f' ({why})' if why else ''}"
         warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)
@@ -77,7 +77,7 @@ def cause_of(
     if reason == Reason.AGE:
         return samples.wrong_age
     if reason == Reason.CLOCK:
-        return _of_clock(estimate, float(samples.plants["believed_at"][i]), i, count)
+        return _of_clock(estimate, float(samples.plants["accepted_at"][i]), i, count)
     if reason == Reason.BARRIERS:
         return _of_barriers(scene, plant.model, samples.x[i].copy(), float(samples.time[i]), i)
     return ""

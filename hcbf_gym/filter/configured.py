@@ -128,7 +128,7 @@ class Configured:
     def clearance(self) -> float:
         """How far off strict edges guidance leads [m].
 
-        What rows reserve, and of a body what they ask for besides close to an edge, so that it is
+        What rows reserve, and of a body what they require besides close to an edge, so that it is
         led through no gap that they close. Half a cell less: a cell is open where a place in it is.
         """
         reserved = self.uncertainty.distance + self.uncertainty.body
@@ -183,14 +183,14 @@ class Configured:
                 weights = np.insert(compiled.weights, 1, np.inf, axis=1)
                 compiled = compiled._replace(weights=weights)
         own = plant.uncertainty.distance if asked.margin is None else 0.0
-        leans = self.uncertainty.cap > 0.0
+        lags = self.uncertainty.cap > 0.0  # the robot is not its model
         numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
         numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
         numbers["observed"] = True
         numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
-        numbers["settles"] = self.uncertainty.per_velocity if leans else 0.0
-        numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
+        numbers["settles"] = self.uncertainty.per_velocity if lags else 0.0
+        numbers["tracking"] = 0.5 * self.uncertainty.distance if lags else 0.0
         axle, period = plant.axle, plant.period or 0.0
         if axle is not None:
             numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}

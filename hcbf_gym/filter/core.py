@@ -255,7 +255,7 @@ class FilterCore:
     def _take(self, barriers: object, estimate: Estimate, since: float | None) -> None:
         """Note the states, and the barriers as they are now.
 
-        A batch's report gets memory that nobody else holds: the user has that of the last one.
+        A batch's report gets new memory: the user has that of the last one.
         """
         if not self._alone:
             self._report.renew()

@@ -106,7 +106,7 @@ class PlanarRows:
     def _make(self, scene: BarrierSet) -> None:
         """Check the states, and make the rows."""
         made, plants, out = self._made, self._samples.plants, self._own
-        self._bound.core().believe()
+        self._bound.core().check_states()
         reach = 0.0 if made.plant.axle is None else made.plant.axle.look_ahead
         reserve = made.reserve
         known = Known(*(plants[name].copy() for name in Known._fields))

@@ -32,14 +32,14 @@ class State(NamedTuple):
         model: (N, n) the reduced-order model's own.
         lag: (N, n) the body's minus the model's.
         covariance: (N, n, n) of x.
-        believed: (N, n) the last that was accepted.
+        accepted: (N, n) the last that was accepted.
     """
 
     x: Array
     model: Array
     lag: Array
     covariance: Array
-    believed: Array
+    accepted: Array
 
 
 class Samples:
@@ -123,7 +123,7 @@ class Samples:
             place[:] = array
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; it names the parts of its own records."""
+        """Return what a copy needs; it names the parts of its records."""
         views = "words", "states", "input", "time", "_fault", "_has_model", "_states", "_parts"
         views += "_times", "_headings"
         return {name: value for name, value in vars(self).items() if name not in views}
@@ -146,7 +146,7 @@ class Samples:
         if estimate.time is None:
             self.time[:] = now
         elif not self._note(self._times, estimate.time):
-            self.time[:] = -np.inf  # what is not a time is no later one
+            self.time[:] = -np.inf  # before any other
         if estimate.elapsed is not None or self._varies:
             self._varies = estimate.elapsed is not None
             sound &= self._take_elapsed(estimate.elapsed)

@@ -83,7 +83,7 @@ class Scenes:
     def take(self, barriers: object, estimate: Estimate, since: float | None) -> None:
         """Note the barriers as they are now.
 
-        What is no barriers, or cannot be satisfied, makes the plants brake. So do barriers that
+        What are not barriers, or cannot be satisfied, makes the plants brake. So do barriers that
         move where neither the estimate nor the period has the time.
         """
         samples = self._samples
@@ -218,7 +218,7 @@ class Scenes:
 
     def _time(self) -> Array:
         """Return (N,) the times of the states [s]; of the last valid ones where they are NaN."""
-        now, last = self._samples.time, self._samples.plants["believed_at"]
+        now, last = self._samples.time, self._samples.plants["accepted_at"]
         return np.where(np.isfinite(now), now, last)
 
     def _are_known(self) -> Mask:

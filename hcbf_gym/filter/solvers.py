@@ -63,7 +63,7 @@ def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | N
 
 
 def without_gaps(rows: CbfRows) -> CbfRows:
-    """Return rows whose ranks are 1, 2, …: what is not in sight leaves gaps in a list of barriers.
+    """Return rows whose ranks are 1, 2, …: barriers that are not in sight leave gaps.
 
     Where nothing strict is in sight, a last row of rank 1 requires nothing.
     """

@@ -2,7 +2,7 @@
 
 A pose that is carried on to the present by a late twist moves otherwise than that twist, wherever
 the robot brakes or turns. What was measured does not, however late it comes: with T the time from
-one sample to the next, `filtering.monitor` has the law. Where samples are missing, so that T is
+one sample to the next, `monitor.hpp` has the law. Where samples are missing, so that T is
 longer than `PAUSE` periods, the velocity may have been another one meanwhile, by which the
 position differs by ``u_max T²/4`` at most.
 

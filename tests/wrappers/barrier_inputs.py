@@ -259,7 +259,7 @@ class Batched:
 
 
 def is_scene(report):
-    """Whether it is the barriers, which the three share, that are not believed."""
+    """Whether it is the barriers, which the three share, that are not accepted."""
     return report["reason"][0] == hcbf_gym.models.plant.Reason.BARRIERS
 
 

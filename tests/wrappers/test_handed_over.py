@@ -126,7 +126,7 @@ def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(giv
     step = INPUTS[given](one)
     before = step()
     one.error = error
-    assert np.isnan(step())  # nothing is believed: no h is told
+    assert np.isnan(step())  # nothing is accepted: no h is told
     one.error = None
     assert step() == before
 

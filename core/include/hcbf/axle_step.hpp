@@ -148,7 +148,7 @@ inline void carry_on(const axle::Axle& axle, Plant& plant) {
   const double turned = axle::speeds(axle, plant.x, plant.headed).turning * plant.elapsed;
   plant.heading += turned;
   const Turn turn(turned);
-  turn(plant.x + 2), turn(plant.model + 2), turn(plant.believed + 2);
+  turn(plant.x + 2), turn(plant.model + 2), turn(plant.accepted + 2);
 }
 
 // Turns what was expected of the point's velocity with the heading since the last sample: commands are

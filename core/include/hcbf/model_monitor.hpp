@@ -64,9 +64,9 @@ struct Room {  // for one plant after the other
 };
 
 // Returns whether two samples are one period apart, and both are valid.
-inline bool compares(const Watched& watched, const plants::Plant& plant, bool believed) {
+inline bool compares(const Watched& watched, const plants::Plant& plant, bool accepted) {
   const double period = watched.period;
-  return believed && plant.follows != 0 && period > 0.0 && plant.elapsed == period;
+  return accepted && plant.follows != 0 && period > 0.0 && plant.elapsed == period;
 }
 
 // x − expected, without the whole turn of an angle that is wrapped.
@@ -132,17 +132,17 @@ inline void pseudo_inverse(Matrix<const double> g, Matrix<double> out, Matrix<do
   }
 }
 
-// Writes û and g⁺, and returns whether any input seems to differ from the chosen one. `believed` (N,):
+// Writes û and g⁺, and returns whether any input seems to differ from the chosen one. `accepted` (N,):
 // whether this sample is valid; `x` (N, n): states of the bodies; `g` (N, n, n_u): at the sample before;
 // `arrival.body` holds where u leads.
-inline bool arrivals(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> believed,
+inline bool arrivals(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> accepted,
                      Matrix<const double> x, Cube<const double> g, const Arrival& arrival, Room& room) {
   const Index n = g.rows, n_u = g.columns;
   const Matrix<double> steered = room.steered();
   bool some = false;
   for (Index i = 0; i < plants.size; ++i) {
     arrival.other[i] = false;
-    if (!compares(watched, plants[i], believed[i])) continue;
+    if (!compares(watched, plants[i], accepted[i])) continue;
     for (Index k = 0; k < n; ++k)
       for (Index j = 0; j < n_u; ++j) steered(k, j) = watched.steered[k] ? g(i, k, j) : 0.0;
     pseudo_inverse(steered, arrival.to_input[i], room.columns(), room.turns());
@@ -261,13 +261,13 @@ inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, con
 }
 
 // Accounts for a sample of N plants, and raises their alarms. `covariance` (N, n, n): of x, 0 where that
-// is the truth; `believed` (N,): whether this sample is valid.
-inline void observe(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> believed,
+// is the truth; `accepted` (N,): whether this sample is valid.
+inline void observe(const Watched& watched, Records<plants::Plant> plants, Vector<const bool> accepted,
                     Cube<const double> covariance, const Seen& seen, Room& room) {
   const Matrix<double> inverse = room.inverse();
   for (Index i = 0; i < plants.size; ++i) {
     plants::Plant& plant = plants[i];
-    if (!believed[i]) continue;
+    if (!accepted[i]) continue;
     if (plant.fault >= reason::FIRST_ALARM) monitor::latch(plant, plant.fault);
     if (compares(watched, plant, true)) {
       pseudo_inverse(seen.last.g_model[i], inverse, room.columns(), room.turns());

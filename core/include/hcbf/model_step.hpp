@@ -63,7 +63,7 @@ class Step {
   Step(const model::Model& model, Settings settings, Index count)
       : settings_(std::move(settings)), model_(model), count_(count),
         reserve_(model, settings_.uncertainty, {settings_.largest.data(), model.n_u}, settings_.period, count),
-        monitor_room_(model.n, model.n_u), believed_(count), other_(count) {
+        monitor_room_(model.n, model.n_u), accepted_(count), other_(count) {
     const Index states = count * model.n, inputs = states * model.n_u;
     for (auto* each : {&f_, &expected_, &expected_model_, &led_, &body_now_, &model_now_, &f_now_})
       each->resize(states);
@@ -92,7 +92,7 @@ class Step {
              bool parts) {
     for (Index i = 0; i < count_; ++i)
       if (!sensed[i].known) std::fill_n(sums()[i].data, 3 * model_.n, 0.0);
-    if (state_check::believe_all(sensed, states, settings_.velocity_at, told)) {
+    if (state_check::check_all(sensed, states, settings_.velocity_at, told)) {
       propagate(sensed, states, told);
       state_check::replace_all(sensed, states, told);
     }
@@ -105,7 +105,7 @@ class Step {
         std::fill_n(f(f_)[i].data, model_.n, 0.0), std::fill_n(g(g_)[i].data, model_.n * model_.n_u, 0.0);
       if (told[i].reason == 0 && !(is_known && (!parts || reserve_.is_known(i))))
         told[i].reason = reason::BARRIERS;
-      believed_[i] = told[i].reason == 0;
+      accepted_[i] = told[i].reason == 0;
     }
     if (parts) state_check::grow_all(sensed, told, reserve_.drift(), model_.n_p);
     watch(sensed, states, parts);
@@ -156,10 +156,10 @@ class Step {
       plants::Plant& plant = sensed[i];
       if (told[i].reason == 0 || !plant.known || !(plant.elapsed > 0.0)) continue;
       const Vector<double> after = f(led_)[i];
-      model_.steps(states.believed.part(i, i + 1), {sensed.tail(i), 1, model_.n_u}, plant.elapsed,
+      model_.steps(states.accepted.part(i, i + 1), {sensed.tail(i), 1, model_.n_u}, plant.elapsed,
                    {after.data, 1, model_.n});
       plant.known = state_check::are_near(after);
-      if (plant.known) state_check::copy(after, states.believed[i]);
+      if (plant.known) state_check::copy(after, states.accepted[i]);
     }
   }
 
@@ -189,17 +189,17 @@ class Step {
                                          {reinterpret_cast<bool*>(other_.data()), count_},
                                          f(expected_),
                                          f(expected_model_)};
-    const Vector<const bool> believed{reinterpret_cast<const bool*>(believed_.data()), count_};
+    const Vector<const bool> accepted{reinterpret_cast<const bool*>(accepted_.data()), count_};
     if (settings_.period > 0.0) {
       expect(body, chosen_, expected_);
       if (std::equal(body, body + size, model))
         expected_model_ = expected_;
       else
         expect(model, chosen_, expected_model_);
-      if (model_monitor::arrivals(watched, sensed, believed, now.body, last.g, arrival, monitor_room_))
+      if (model_monitor::arrivals(watched, sensed, accepted, now.body, last.g, arrival, monitor_room_))
         expect_arrived(body);
     }
-    model_monitor::observe(watched, sensed, believed, states.covariance, {now, last, arrival, sums()},
+    model_monitor::observe(watched, sensed, accepted, states.covariance, {now, last, arrival, sums()},
                            monitor_room_);
     std::copy_n(body_now_.data(), size, body), std::copy_n(model_now_.data(), size, model);
     std::copy_n(f_now_.data(), size, drift), std::copy_n(g_now_.data(), size * n_u, in_body);
@@ -251,7 +251,7 @@ class Step {
   model_monitor::Room monitor_room_;
   Scene scene_{};
   bool turns_ = false;
-  std::vector<char> believed_, other_;  // (N,)
+  std::vector<char> accepted_, other_;  // (N,)
   std::vector<double> f_, g_, jacobian_;  // at x
   std::vector<double> memory_;            // the sample before, field by field, and (N, 3, n) sums
   std::vector<double> body_now_, model_now_, f_now_, g_now_, g_model_now_;

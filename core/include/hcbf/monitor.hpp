@@ -48,11 +48,6 @@ inline bool account(Memory& memory, double error, double chosen, double rate, do
   return memory.samples >= LEAST_SAMPLES && memory.missed > MOST;
 }
 
-// Returns whether a plant that meets inputs exactly has missed more than few of the last ones.
-inline bool breaks_off(const Memory& memory) {
-  return memory.samples >= TELLING && memory.exact > MOST && memory.off > FEW;
-}
-
 // By how much sums over τ fade in a period.
 inline double fade(double period) { return std::max(0.0, 1.0 - period / WINDOW); }
 

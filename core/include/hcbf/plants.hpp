@@ -29,7 +29,7 @@ struct Constants {
   double period;    // T [s], 0 where it is not known
   double rounding;  // of an input that is applied in 32 bits, 0 for 64 [m/s^2]
   double dip;       // what usual rows reserve against dips between samples
-  double sway;      // what of d a robot may use that is not its model
+  double tracking;  // what of d a robot may use that is not its model
   double settles;   // how long the robot takes to follow [s], 0 for its model
   // a differential drive
   bool drives;
@@ -70,9 +70,9 @@ struct Plant {
   double expected[2];  // velocity of the model at the last sample [m/s]
   double vague[3];     // xx, xy and yy of its covariance at the last sample [m^2/s^2]
   double growth;       // what that grew by when it grew last [m^2/s^2]
-  double believed[4];  // the last state that was valid
+  double accepted[4];  // the last state that was valid
   double headed;       // the heading then [rad]
-  double believed_at;  // its time [s]
+  double accepted_at;  // its time [s]
   Index follows;       // whether the last sample was valid
   Index known;         // whether any was, since the reset
   conclusion::Memory judged;

@@ -23,7 +23,7 @@ using rows::ALPHA2_PSI, rows::B, rows::H, rows::PSI;
 
 // Checks the state, unless that was done where rows were made.
 inline void look(const Constants& c, const One& p) {
-  if (p.own.rows == 0 && !c.made) p.report.reason = state_check::believe(p.plant, p.input);
+  if (p.own.rows == 0 && !c.made) p.report.reason = state_check::check(p.plant, p.input);
   if (c.drives && p.report.reason != 0) axle_step::carry_on(c.axle, p.plant);
 }
 

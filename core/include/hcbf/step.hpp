@@ -19,10 +19,10 @@ namespace hcbf::step {
 using plants::Constants, plants::One, plants::Plants, program_records::Settings, work::Work;
 
 // What a call returns: nothing to do, u* is not finite, a scene is not of these plants, a warning is due.
-enum Said : Index { DONE, NOT_FINITE, MISSHAPED, ASKS };
+enum Answer : Index { DONE, NOT_FINITE, MISSHAPED, ASKS };
 
 // Returns what is wrong with the arrays, `DONE` for nothing; nothing is written.
-inline Said check(const Constants& c, const Plants& plants) {
+inline Answer check(const Constants& c, const Plants& plants) {
   for (Index i = 0; i < plants.reports.size; ++i)
     if (!program_records::are_finite({plants.reports.tail(i), plants.n_u})) return NOT_FINITE;
   return fits(plants, c.guided && c.has_way) ? DONE : MISSHAPED;
