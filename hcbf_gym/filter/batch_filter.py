@@ -6,13 +6,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.many import Element, is_list
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, floats, reals
+from hcbf_gym.errors import (
+    InvalidInputError,
+    as_array,
+    count,
+    finite_array,
+    finite_float,
+    floats,
+    library_of,
+    reals,
+)
 from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import input_sets
@@ -20,6 +29,8 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
+
+Numbers = NDArray[Any]
 
 
 class BatchFilter:

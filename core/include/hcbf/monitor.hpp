@@ -106,8 +106,11 @@ inline void watch(plants::Plant& plant, Vector<const double> input, double radiu
       missed += miss * miss;
       chosen += input[k] * input[k];
     }
-    if (account(plant.watched, missed, chosen, period / WINDOW, radius) || breaks_off(plant.watched))
-      latch(plant, reason::INPUT);
+    Memory& memory = plant.watched;
+    const bool misses = account(memory, missed, chosen, period / WINDOW, radius);
+    // a plant that meets inputs exactly has missed more than few of the last ones
+    const bool breaks_off = memory.samples >= TELLING && memory.exact > MOST && memory.off > FEW;
+    if (misses || breaks_off) latch(plant, reason::INPUT);
     const double trace = plant.covariance[0][0] + plant.covariance[1][1];
     const double spread = confidence * std::sqrt(std::max(0.0, trace));
     if (drifts(plant.watched, plant.planar, body, period, spread, exact)) latch(plant, reason::MOTION);
