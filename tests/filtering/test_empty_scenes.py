@@ -10,6 +10,7 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from hcbf_robots import VelocityFilter
+from tests.worlds import World
 
 GOAL = (3.0, 1.0)
 ASIDE = [Disc("aside", 1, (-2.0, 2.0), 0.5)]
@@ -48,18 +49,8 @@ def test_many_points_are_led_through_nothing(program):
     assert (x[:, 0] > 0.5).all()
 
 
-class Point(gym.Env):
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
-    action_space = gym.spaces.Box(-3.0, 3.0, (2,), np.float64)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(4)
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.x = models.DoubleIntegrator().step(self.x, np.asarray(action), 0.05)
-        return self.x.copy(), 0.0, False, False, {}
+def point():
+    return World(period=0.05, limit=3.0)
 
 
 @pytest.mark.parametrize("count", [None, 2])
@@ -74,10 +65,10 @@ def test_wrapped_environments_are_led_through_nothing(count):
         goal=GOAL,
     )
     if count is None:
-        env = SafetyFilter(Point(), plant=plant, guidance="geodesic")
+        env = SafetyFilter(point(), plant=plant, guidance="geodesic")
     else:
         env = VectorSafetyFilter(
-            gym.vector.SyncVectorEnv([Point] * count), plant=plant, guidance="geodesic"
+            gym.vector.SyncVectorEnv([point] * count), plant=plant, guidance="geodesic"
         )
     env.reset(seed=0)
     for _ in range(40):

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from needs import needs
+from worlds import World
 
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
@@ -58,27 +59,12 @@ def shapes(name, at, w):
     yield OwnDisc(name, 1, at, 0.5, w)
 
 
-class Still(gym.Env):
-    """A robot that is at rest at 0, and what its user's lists hold."""
-
-    observation_space = gym.spaces.Box(-99.0, 99.0, (4,))
-
-    def __init__(self, model):
-        self.action_space = gym.spaces.Box(-5.0, 5.0, (model.n_u,), dtype=np.float64)
-        self.x, self.listed = np.zeros(model.n), []
-
-    def reset(self, *, seed=None, options=None):
-        return self.x.copy(), {}
-
-    def step(self, action):
-        return self.x.copy(), 0.0, False, False, {}
-
-
 class Wrapped:
     """A filter around an environment, whose reader returns the list."""
 
     def __init__(self, model):
-        self.env = Still(model)
+        self.env = World(model)
+        self.env.listed = []
         plant = hcbf_gym.Plant(
             model, lambda env, *_: list(env.listed), lambda env, *_: env.x.copy(), period=T
         )
@@ -239,7 +225,7 @@ def test_a_scene_counts_from_when_it_was_set(kind):
 
 
 def test_a_static_list_moves_on_over_a_join_where_the_plant_has_a_clock():
-    disc, env = Disc("disc", 1, (5.0, 0.0), 0.5, (0.5, 0.0)), Still(MODELS["planar"])
+    disc, env = Disc("disc", 1, (5.0, 0.0), 0.5, (0.5, 0.0)), World(MODELS["planar"])
     env.time = 0.0
 
     def state(env, *_):

@@ -4,7 +4,6 @@ import math
 import re
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,6 +15,7 @@ from hcbf_gym.barriers import Barrier, Disc, HalfPlane, Jet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
+from tests.worlds import World
 
 T = 0.05
 POINT = models.DoubleIntegrator()
@@ -46,26 +46,6 @@ def label(value):
     return re.sub(r" at 0x\w+", "", repr(value))
 
 
-class World(gym.Env):
-    """A plant that is its model, whose reader says what the test wants."""
-
-    def __init__(self, limit=2.0):
-        self.model = model = POINT
-        self.action_space = gym.spaces.Box(-limit, limit, (model.n_u,), dtype=np.float64)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), dtype=np.float64)
-        self.applied = []
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(self.model.n)
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.applied.append(np.array(action))
-        self.x = self.model.step(self.x, action, T)
-        return self.x.copy(), 0.0, False, False, {}
-
-
 class Reader:
     """Says the truth, or for one call whatever `says` holds."""
 
@@ -79,7 +59,7 @@ class Reader:
 def filtered(barriers=(ISLAND,), **plant):
     reader = Reader()
     fields = {"period": T, **plant}
-    world = World()
+    world = World(POINT, T, limit=2.0)
     env = wrappers.SafetyFilter(
         world,
         "lex-cbf-qp",

@@ -16,6 +16,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Coverage
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
+from tests.worlds import World
 
 MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
 
@@ -42,33 +43,17 @@ class Pair(NamedTuple):
     first: object
 
 
-class Still(gym.Env):
-    """A robot that stands where it is."""
-
-    observation_space = gym.spaces.Box(-99.0, 99.0, (4,))
-
-    def __init__(self, model=MODELS[0]):
-        self.action_space = gym.spaces.Box(-5.0, 5.0, (model.n_u,), dtype=np.float64)
-        self.x = np.zeros(model.n)
-
-    def reset(self, *, seed=None, options=None):
-        return self.x.copy(), {"x": self.x.copy()}
-
-    def step(self, action):
-        return self.x.copy(), 0.0, False, False, {"x": self.x.copy()}
+def still(model=MODELS[0]):
+    return World(model)
 
 
-class Moving(Still):
-    """A double integrator."""
-
-    def step(self, action):
-        self.x = MODELS[0].step(self.x, action, 0.02)
-        return super().step(action)
+def moving():
+    return World(period=0.02)
 
 
 def single(barriers, model=MODELS[0]):
     plant = Plant(model, barriers, lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(Still(model), plant=plant)
+    env = wrappers.SafetyFilter(still(model), plant=plant)
     env.reset(seed=0)
     return lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
 
@@ -154,7 +139,7 @@ def test_what_a_list_of_lists_holds_is_seen(inner):
         MODELS[0], lambda *_: scenes, lambda envs, *_: np.zeros((2, 4)), period=0.02,
         input_set=models.Box.symmetric(3.0),
     )  # fmt: skip
-    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Still]), plant=plant)
+    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [still]), plant=plant)
     envs.reset(seed=0)
     scenes[1][0] = post(10.0)
     h = envs.step(np.zeros((2, 2)))[4]["safety_filter"]["h"]
@@ -241,9 +226,9 @@ def test_a_policy_may_write_to_what_it_was_shown(reader, vector):
         input_set=models.Box.symmetric(5.0),
     )  # fmt: skip
     if vector:
-        env = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Moving]), plant=plant)
+        env = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [moving]), plant=plant)
     else:
-        env = wrappers.SafetyFilter(Moving(), plant=plant)
+        env = wrappers.SafetyFilter(moving(), plant=plant)
     observation, info = env.reset(seed=0)
     u = np.array([5.0, 0.0]) if not vector else np.tile([5.0, 0.0], (2, 1))
     for _ in range(200):
@@ -259,19 +244,18 @@ def test_a_policy_may_write_to_what_it_was_shown(reader, vector):
 def test_a_policy_may_write_to_it_whatever_holds_it(kind):
     show, read = SHOWN[kind]
 
-    class Shows(Moving):
-        def reset(self, *, seed=None, options=None):
-            return show(self.x.copy()), {}
+    class Shows(World):
+        def reset(self, **options):
+            return show(super().reset(**options)[0]), {}
 
         def step(self, action):
-            self.x = MODELS[0].step(self.x, action, 0.02)
-            return show(self.x.copy()), 0.0, False, False, {}
+            return show(super().step(action)[0]), 0.0, False, False, {}
 
     plant = Plant(
         MODELS[0], [post(3.0)], lambda env, observation, info: read(observation), period=0.02,
         input_set=models.Box.symmetric(5.0),
     )  # fmt: skip
-    env = wrappers.SafetyFilter(Shows(), plant=plant)
+    env = wrappers.SafetyFilter(Shows(period=0.02), plant=plant)
     observation, _ = env.reset(seed=0)
     for _ in range(200):
         read(observation)[:2] -= 5.0
@@ -286,7 +270,7 @@ def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
         MODELS[0], lambda *_: scene, lambda envs, *_: np.zeros((2, 4)), period=0.02,
         input_set=models.Box.symmetric(3.0), covered=Coverage.COVERED,
     )  # fmt: skip
-    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Still]), plant=plant)
+    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [still]), plant=plant)
     envs.reset(seed=0)
     reports = []
     for at in (30.0, 30.0, 20.0, 20.0, 10.0):
@@ -351,7 +335,7 @@ def test_what_a_robot_is_told_may_be_written_to():
         MODELS[0], [post(30.0)], lambda env, *_: env.x.copy(), period=0.02, to_action=to_action,
         from_action=lambda action: action, input_set=models.Box.symmetric(3.0),
     )  # fmt: skip
-    env = wrappers.SafetyFilter(Still(), plant=plant)
+    env = wrappers.SafetyFilter(still(), plant=plant)
     env.reset(seed=0)
     report = env.step(np.array([1.0, 0.0]))[4]["safety_filter"]
     np.testing.assert_array_equal(report["u_safe"], report["u_nominal"])
