@@ -143,12 +143,7 @@ class Configured:
         return reserved + besides - 0.5 * self.cell
 
     def _check_axle(self) -> None:
-        """Refuse a differential drive that brakes harder than U lets it.
-
-        Raises:
-            InvalidInputError: if it does. Where U is the environment's action space, which clips,
-                the whole rectangle of inputs has to lie in it at every heading.
-        """
+        """Refuse a differential drive that brakes harder than U lets it."""
         axle = self.plant.axle
         if axle is None:
             return
@@ -163,11 +158,7 @@ class Configured:
             )
 
     def _make_program(self, held: bool) -> None:
-        """Make the program, and write what compiled code never changes.
-
-        Args:
-            held: whether rows are made for a held input.
-        """
+        """Make the program, and write what compiled code never changes."""
         asked, input_set, plant = self.settings, self.input_set, self.plant
         options = {k: v for k, v in asked.options.items() if k not in ROW_OPTIONS}
         self.solver: programs.Program | None = None
@@ -226,11 +217,7 @@ class Configured:
         return float(gain) * self.input_set.radius
 
     def _fit_alpha1(self) -> float:
-        """Scale α₁ down to what the robot can brake, and return the factor, which reports repeat.
-
-        Raises:
-            InvalidInputError: if U cannot brake in some direction at all.
-        """
+        """Scale α₁ down to what the robot can brake, and return the factor for reports."""
         if not isinstance(self.plant.model, DoubleIntegrator):
             return 1.0
         able = braking.weakest(self.input_set)

@@ -162,10 +162,6 @@ class FilterCore:
             extent: of the world [m]; None where none is known.
             since: as `step` takes it.
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
-
-        Raises:
-            InvalidInputError: if barriers require what cannot be, or leave an input to the policy
-                that moves them later.
         """
         self._take(barriers, estimate, since)
         refusal = self.scenes.refusal
@@ -267,11 +263,7 @@ class FilterCore:
         self.scenes.take(barriers, estimate, since)
 
     def _refuse(self, answer: int, u_nominal: Array) -> None:
-        """Refuse u* that is not finite, or scenes that are not of these plants.
-
-        Raises:
-            InvalidInputError: always.
-        """
+        """Refuse u* that is not finite, or scenes that are not of these plants."""
         if answer == bound.MISSHAPED:
             raise InvalidInputError(
                 f"barriers: got scenes of the shape {self.scenes.now.kind.shape} for {self.count} "

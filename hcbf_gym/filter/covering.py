@@ -37,9 +37,6 @@ class Covering:
         Args:
             covered: a `Judged`, a `Coverage`, or (N,) of them.
             fresh: (N,) which begin.
-
-        Raises:
-            InvalidInputError: if it is none.
         """
         for kept, now in zip((self._coverage, self._why), self._judged(covered), strict=True):
             kept[fresh] = now[fresh]
@@ -50,9 +47,6 @@ class Covering:
 
         Args:
             covered: as `begin` takes it, at a later step.
-
-        Raises:
-            InvalidInputError: as `begin` does.
         """
         coverage, why = self._judged(covered)
         ends = (self._coverage == Coverage.COVERED) & (coverage != Coverage.COVERED)

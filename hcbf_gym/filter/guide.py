@@ -72,9 +72,6 @@ class Guide:
             world: the goal and the extent, as the plant gives them [m].
             mask: (N,) which scenes begin.
             is_first: whether what is malformed is refused; if not, no path leads there.
-
-        Raises:
-            InvalidInputError: if goal or extent are malformed, or a barrier is a user's own.
         """
         guide, samples = self._guidance, self._samples
         try:

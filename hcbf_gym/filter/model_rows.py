@@ -78,11 +78,7 @@ class ModelRows:
         )
 
     def check(self, barriers: object, given: BarrierSet) -> None:
-        """Refuse barriers that have no rows of the model.
-
-        Raises:
-            InvalidInputError: if there are, such as the arrays of an environment.
-        """
+        """Refuse barriers that have no rows of the model."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
                 f"plant: got the scenes of an environment with {self._made.plant.model}, expected "
@@ -113,11 +109,7 @@ class ModelRows:
         self._step.restore(memory)
 
     def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
-        """Look at a changed scene, and return its barriers and how inputs reach them.
-
-        Raises:
-            InvalidInputError: if no input reaches one, or the hold is too long for α₁.
-        """
+        """Look at a changed scene, and return its barriers and how inputs reach them."""
         self._prepared = None
         first: Any = scene.listed[0]
         same = all(listed is first for listed in scene.listed)
@@ -168,12 +160,7 @@ class ModelRows:
             self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
 
     def _check_uncertainty(self) -> None:
-        """Refuse what has no meaning for the model.
-
-        Raises:
-            InvalidInputError: if a lag in velocity is reserved, and nothing but the input changes
-                the velocity; or something of a speed limit, which the model has none of.
-        """
+        """Refuse what has no meaning for the model."""
         model, declared = self._made.plant.model, self._made.plant.uncertainty
         without = [name for name in ("speed", "speed_per_velocity") if model.velocity_at != 2]
         why = dict.fromkeys(without, "it has no velocity in x[2:4] that a speed limit reads")

@@ -74,9 +74,6 @@ class Origin:
 
         Args:
             listed: a list of barriers, or N such lists; anything else stays as it is.
-
-        Raises:
-            InvalidInputError: if they cannot be moved.
         """
         if not self.is_far:
             return listed

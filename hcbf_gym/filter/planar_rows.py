@@ -61,11 +61,7 @@ class PlanarRows:
         self._samples.restore(remembered)
 
     def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
-        """Return users' own barriers and how inputs reach them, where they are others than before.
-
-        Raises:
-            InvalidInputError: if no input reaches one.
-        """
+        """Return users' own barriers and how inputs reach them, if they are others than before."""
         own = tuple(scene.own.values())
         if len(own) == len(self._accepted) and all(map(operator.is_, own, self._accepted)):
             return (), ()

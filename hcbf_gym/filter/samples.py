@@ -166,12 +166,7 @@ class Samples:
         self.is_rebased = self.origin.is_far != was_far
 
     def _count_from_origin(self, noted: bool, has_model: bool) -> None:
-        """Let positions count from the origin, which the first that is good decides.
-
-        Args:
-            noted: whether states were noted.
-            has_model: whether the models have states of their own.
-        """
+        """Let positions count from the origin, which the first that is good decides."""
         origin = self.origin
         if noted and not origin.is_decided:
             good = (self._fault == 0) | (self._fault >= FIRST_ALARM)
@@ -226,15 +221,7 @@ class Samples:
         return sound
 
     def _note(self, place: Array, value: object) -> bool:
-        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs.
-
-        Args:
-            place: of N plants; of one without a leading 1.
-            value: of any kind.
-
-        Returns:
-            whether it is made of numbers; the core checks which are finite.
-        """
+        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs."""
         if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == place.shape:
             place[...] = value
             return True

@@ -35,9 +35,6 @@ class SceneReader:
         Args:
             barriers: a sequence of elements for all plants; N sequences, of any lengths; or the set
                 of an environment, see `BarrierSet`.
-
-        Raises:
-            InvalidInputError: if they are none of these, or an element is no barrier.
         """
         if isinstance(barriers, BarrierSet):
             self._check(barriers)
@@ -56,11 +53,7 @@ class SceneReader:
         return type(barriers) is list and len(scenes) == 1 and _same(barriers, scenes[0])
 
     def _sequences(self, barriers: Any) -> Scenes:
-        """Return one scene for all plants, or N, as tuples of elements.
-
-        Raises:
-            InvalidInputError: if they are neither.
-        """
+        """Return one scene for all plants, or N, as tuples of elements."""
         if not is_list(barriers):
             raise InvalidInputError(
                 f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
@@ -75,11 +68,7 @@ class SceneReader:
         return tuple(map(tuple, barriers))
 
     def _check(self, scenes: BarrierSet) -> None:
-        """Refuse a set that is not an environment's, or of another number of plants.
-
-        Raises:
-            InvalidInputError: if it is.
-        """
+        """Refuse a set that is not an environment's, or of another number of plants."""
         if not scenes.is_placed:
             raise InvalidInputError(
                 "barriers: got a BarrierSet, expected the sequence of barriers of which it was made"

@@ -109,12 +109,7 @@ class Scenes:
             self._note_moves()
 
     def take_static(self, barriers: object) -> None:
-        """Take barriers that never change.
-
-        Raises:
-            InvalidInputError: if they are none, cannot be satisfied, or leave an input to the
-                policy that moves them later.
-        """
+        """Take barriers that never change."""
         self._change(self._read(barriers), None)
         if self.refusal is not None:
             raise self.refusal
@@ -123,9 +118,6 @@ class Scenes:
         """Return (N,) a `Coverage` of each scene: OUTSIDE where rank 1 cannot be promised in it.
 
         Warns once of each thing that α₁, U and the speed limit cannot satisfy.
-
-        Raises:
-            InvalidInputError: as `check_limits` does.
         """
         made, plant = self._made, self._made.plant
         margin, fastest = plant.uncertainty.speed, plant.fastest or np.inf
@@ -138,12 +130,7 @@ class Scenes:
         return covered
 
     def check_limits(self, scenes: BarrierSet) -> None:
-        """Refuse speed limits that no input can satisfy.
-
-        Raises:
-            InvalidInputError: if the margin leaves nothing of one, or a held input can pass it from
-                rest within one period.
-        """
+        """Refuse speed limits that no input can satisfy."""
         plant = self._made.plant
         turn = 0.0 if plant.axle is None else plant.axle.turn
         check_limits(scenes, (plant.period, self._made.gain), plant.uncertainty.speed, turn)
@@ -154,11 +141,7 @@ class Scenes:
             warn_caller(f"safety filter: {text}", category)
 
     def _read(self, barriers: object) -> BarrierSet:
-        """Return barriers as a set; the present one where they hold what was read last.
-
-        Raises:
-            InvalidInputError: if they are none.
-        """
+        """Return barriers as a set; the present one where they hold what was read last."""
         origin = self._samples.origin
         if origin.is_far:
             try:
@@ -166,6 +149,8 @@ class Scenes:
             except InvalidInputError as error:
                 self._warn_once("far", f"far from the origin: {error}", SafetyWarning)
                 raise
+        if barriers is self._given:  # an environment's set
+            return self._given
         given = self.read(barriers)
         if given is not self._given:
             self._rows.check(barriers, given)
@@ -264,11 +249,7 @@ class Scenes:
         return LateInputs(self._made.plant.model)
 
     def _check_inputs(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> None:
-        """Refuse barriers whose rows miss an input that moves them later; warn of it once.
-
-        Raises:
-            InvalidInputError: if there is one, and late inputs are not allowed.
-        """
+        """Refuse barriers whose rows miss an input that moves them later; warn of it once."""
         late = "; ".join(self._late_inputs.find(barriers, reaches)) if barriers else ""
         if not late:
             return

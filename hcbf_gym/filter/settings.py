@@ -54,11 +54,7 @@ def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float,
 
 
 def check_hold(period: float, **alphas: ClassK) -> None:
-    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1.
-
-    Raises:
-        InvalidInputError: if one does.
-    """
+    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1."""
     for name, alpha in alphas.items():
         steep = alpha.derivative(0.0)
         if steep * period > 1.0:
@@ -98,9 +94,6 @@ def kept(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
         plant: whose body and whose speed limit count in any case.
         margin: what rows on the position reserve [m]; None derives it.
         dip: what rows that are not made for a held input reserve besides [m].
-
-    Raises:
-        InvalidInputError: if the margin is negative or not finite.
     """
     known = plant.uncertainty
     if margin is not None:

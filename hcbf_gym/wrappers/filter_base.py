@@ -53,16 +53,7 @@ class FilterBase:
         batch: int | None = None,
         threads: int = 1,
     ) -> None:
-        """Check plant and environment, and make the filter.
-
-        Args:
-            spaces: of the actions, outside the environment's wrappers and inside.
-            plant: None takes the environment's.
-            settings: what the user requests.
-            certificate: of the plant; None for none.
-            batch: N of a batch; None for one plant.
-            threads: how many cores filter a batch.
-        """
+        """Check plant and environment, and make the filter."""
         self._inner: Any = self.env.unwrapped
         given = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
         count("threads", threads)
@@ -123,12 +114,7 @@ class FilterBase:
         self._info = copied(info) if self._copies[INFO] else info
 
     def _begin(self, mask: Mask, joins: bool = False) -> Info:
-        """Begin the masked episodes (N,), and return the report of their first states.
-
-        Args:
-            mask: which.
-            joins: whether the episodes run already; the plant's clock continues.
-        """
+        """Begin the masked episodes (N,), and return the report of their first states."""
         core = self._core
         barriers, estimate, world = self._sample()
         if joins and estimate.time is not None:
@@ -142,11 +128,7 @@ class FilterBase:
         return report
 
     def _filtered(self, action: Any) -> tuple[Any, Info]:
-        """Return the environment's action in the place of u*, and the report.
-
-        Raises:
-            InvalidInputError: if no episode has begun, or u* is not made of finite numbers.
-        """
+        """Return the environment's action in the place of u*, and the report."""
         if not self._begun:
             raise InvalidInputError(
                 "safety filter: got a step before a reset that succeeded, expected reset() first"

@@ -136,14 +136,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
 
 
 def _merge(held: Info, now: Info, count: int, running: Mask | None = None) -> Info:
-    """Return the infos of a decision so far.
-
-    Args:
-        held: over the steps before.
-        now: of step number `count`.
-        count: from 2 on.
-        running: (N,) where the step belongs to the episode; None for a single environment.
-    """
+    """Return the infos of a decision so far."""
     merged: Info = {}
     for key, value in now.items():
         if key not in held:

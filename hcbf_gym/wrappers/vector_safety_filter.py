@@ -103,13 +103,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         return observation, info
 
     def _see(self, observation: object, info: Info, begins: Mask | None = None) -> None:
-        """Note what readers look at, NaN for what is not reported.
-
-        Args:
-            observation: of all N.
-            info: of all N.
-            begins: (N,) which were reset, where the others were not stepped; None for none.
-        """
+        """Note what readers look at, NaN for what is not reported."""
         before = self._info
         super()._see(observation, info)
         if self._copies[INFO]:

@@ -39,7 +39,7 @@ def filter_of(barriers, *, guidance=None, solver=None, program="lex-cbf-qp", **o
 
 
 class Cart:
-    """An axle that does what it is told, at once."""
+    """An axle that follows its input at once."""
 
     def __init__(self, place, heading):
         self.place, self.heading = np.array(place, dtype=float), float(heading)
@@ -139,19 +139,19 @@ def test_turning_in_place_beside_a_wall_is_never_changed():
 
 @pytest.mark.parametrize("width", [0.76, 0.8])
 @pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (0.2, 0.7, 1.5), (0.3, -0.6, -3.0)])
-def test_a_cart_slides_into_a_door_that_its_circle_passes(width, start):
+def test_a_cart_slides_into_a_doorway_that_its_circle_passes(width, start):
     half = width / 2.0
-    door = [
+    filt = [
         ConvexPolygon("a", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
         ConvexPolygon("b", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, -half), (2.0, -half))),
     ]
-    core, cart = filter_of(door), Cart(start[:2], start[2])
-    begun(core, door, cart)
+    core, cart = filter_of(filt), Cart(start[:2], start[2])
+    begun(core, filt, cart)
     for _ in range(600):
         ahead = np.array([1.3 if cart.x[0] < 1.2 else 3.5, 0.0]) - cart.x[:2]
         wanted = CART.forward * ahead / np.hypot(*ahead)
-        u, report = core.step(4.0 * (wanted - cart.x[2:]), door, cart.estimate())
-        least, _ = nearest(door, cart.hold(u))
+        u, report = core.step(4.0 * (wanted - cart.x[2:]), filt, cart.estimate())
+        least, _ = nearest(filt, cart.hold(u))
         assert least >= BODY - 1e-9
         assert report["status"] <= FilterStatus.SAFE
         if cart.place[0] > 2.6:
@@ -159,10 +159,10 @@ def test_a_cart_slides_into_a_door_that_its_circle_passes(width, start):
     raise AssertionError(f"stands at {cart.place}")
 
 
-def test_what_moves_gives_way_to_what_stands():
+def test_what_moves_is_relaxed_for_what_is_at_rest():
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -1.0)
     mover = Disc("mover", 1, (-1.5, 0.0), 0.2, (0.4, 0.0))
-    cart, said, hit = Cart((0.0, 0.0), 0.0), False, False
+    cart, answers, hit = Cart((0.0, 0.0), 0.0), False, False
     core = filter_of([wall, mover])
     begun(core, [wall, mover], cart)
     for _ in range(120):
@@ -173,10 +173,10 @@ def test_what_moves_gives_way_to_what_stands():
         h, n = nearest([mover], places[-1:], time + PERIOD)
         if h < BODY and not hit:
             hit = True
-            assert said
+            assert answers
             assert cart.v * cart.axes[0] @ n >= -1e-6  # it does not drive at what runs into it
-        said |= report["status"] >= FilterStatus.VIOLATED
-    assert said
+        answers |= report["status"] >= FilterStatus.VIOLATED
+    assert answers
 
 
 @pytest.mark.parametrize(
@@ -362,11 +362,11 @@ def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_
     assert 2.0 * BODY < passes < 0.76
     for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.made.cell, 1)):
         low, high = offset - 0.5 * width, offset + 0.5 * width
-        door = [
+        filt = [
             ConvexPolygon("a", 1, ((1.0, high), (1.15, high), (1.15, 4.0), (1.0, 4.0))),
             ConvexPolygon("b", 1, ((1.0, -4.0), (1.15, -4.0), (1.15, low), (1.0, low))),
         ]
-        barriers, cart = [*ROOM, *door], Cart((-1.0, 0.5), 0.5)
+        barriers, cart = [*ROOM, *filt], Cart((-1.0, 0.5), 0.5)
         core = filter_of(barriers, guidance="geodesic")
         assert begun(core, barriers, cart, (2.0, 0.0))["reachable"] == through
         for _ in range(500 * (through == 0)):

@@ -1,4 +1,4 @@
-"""N plants of any model in one filter: what each of N single filters says, and alone in trouble."""
+"""N plants of any model in one filter: the reports of N single filters, and faults of one alone."""
 
 import gymnasium as gym
 import numpy as np
@@ -45,7 +45,7 @@ def starts(model):
 
 
 class Many(VectorEnv):
-    """N plants that are their model; `lies` changes what is said of them."""
+    """N plants that are their model; `lies` changes their samples."""
 
     def __init__(self, model, scenes, lies=None):
         self.num_envs, self.model, self.lies = N, model, lies or (lambda x, k: x)
@@ -78,12 +78,12 @@ class One(gym.Env):
         self.model, self.i, self.lies = model, i, lies or (lambda x, k: x)
         self.action_space = gym.spaces.Box(-1.5, 1.5, (model.n_u,), np.float64)
         self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
-        self.plant = hcbf_gym.Plant(model, scene, lambda env, *_: env.said(), period=T)
+        self.plant = hcbf_gym.Plant(model, scene, lambda env, *_: env.answers(), period=T)
 
-    def said(self):
+    def answers(self):
         all_of_them = np.tile(self.x, (N, 1))
-        told = self.lies(all_of_them, self.steps)
-        return told[self.i] if isinstance(told, np.ndarray) else told
+        reported = self.lies(all_of_them, self.steps)
+        return reported[self.i] if isinstance(reported, np.ndarray) else reported
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -110,7 +110,7 @@ def batch_of(model, scenes, lies=None, **options):
 @pytest.mark.parametrize("program", ["lex-cbf-qp", "r-cbf-qp"])
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.filterwarnings("ignore")
-def test_a_batch_says_what_single_filters_say(name, program, scenes):
+def test_a_batch_reports_what_single_filters_report(name, program, scenes):
     model = MODELS[name]
     if name in ("unicycle", "bicycle"):  # a condition that both inputs enter as early
         pytest.importorskip("jax")
@@ -174,7 +174,7 @@ def test_a_plant_that_is_not_known_brakes_alone(name, dtype):
         assert np.isfinite(report["u_safe"]).all()
 
 
-class Bent(Barrier):
+class Malformed(Barrier):
     """A condition of one's own that gives no numbers beyond x = 0.1."""
 
     def jet(self, x, t=0.0):
@@ -187,7 +187,7 @@ class Bent(Barrier):
 @pytest.mark.filterwarnings("ignore")
 def test_a_barrier_that_gives_no_numbers_brakes_the_plants_that_it_gives_none():
     model = MODELS["velocities"]
-    many = batch_of(model, [Bent("bent", 1)], allow_late_inputs=True)
+    many = batch_of(model, [Malformed("malformed", 1)], allow_late_inputs=True)
     many.reset()
     for u in inputs(model):
         beyond = many.unwrapped.x[:, 0] >= 0.1

@@ -23,11 +23,13 @@ def test_a_robot_is_led_through_nothing(robot):
     for k in range(120):
         if k in (20, 40):
             safe.barriers = ASIDE if k == 20 else []
-        told, report = safe.step(np.zeros(len(safe.robot.command.limits)), pose, twist, 0.05 * k)
+        reported, report = safe.step(
+            np.zeros(len(safe.robot.command.limits)), pose, twist, 0.05 * k
+        )
         assert report["reason"] == 0
         assert report["h"].shape == ((1,) if 20 <= k < 40 else (0,))
-        ahead, aside = (told[0], 0.0) if len(told) == 2 else told[:2]
-        twist = np.array([ahead, aside, told[-1]])
+        ahead, aside = (reported[0], 0.0) if len(reported) == 2 else reported[:2]
+        twist = np.array([ahead, aside, reported[-1]])
         middle = pose[2] + 0.025 * twist[2]
         cos, sin = np.cos(middle), np.sin(middle)
         step = cos * ahead - sin * aside, sin * ahead + cos * aside, twist[2]

@@ -201,7 +201,7 @@ def test_what_cannot_be_moved_stops_the_robot_with_a_warning():
 
 
 @pytest.mark.filterwarnings("ignore:.*brakes until")
-def test_what_is_no_state_does_not_decide():
+def test_an_invalid_state_does_not_decide():
     env = Boat([Disc("disc", 1, (UTM[0] + 3.0, UTM[1]), 0.5)])
     seen, env.seen = env.seen, lambda: Estimate(np.zeros(4), age=np.inf)
     safe = SafetyFilter(env)

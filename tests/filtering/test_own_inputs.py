@@ -42,7 +42,7 @@ def inside(vertices, u):
 
 
 @pytest.mark.parametrize("program", ["lex-cbf-qp", "eh-cbf-qp"])
-def test_each_plant_gets_an_input_of_its_own_set_as_it_would_alone(drawn, program):
+def test_each_plant_gets_an_input_of_its_set_as_it_would_alone(drawn, program):
     x, vertices, wanted = drawn
     many = begun(N, x, vertices, program=program)
     parts = begun(N, x, vertices, program=program, threads=2)
@@ -55,7 +55,7 @@ def test_each_plant_gets_an_input_of_its_own_set_as_it_would_alone(drawn, progra
         np.testing.assert_array_equal(u[i], alone(wanted[i : i + 1], x[i : i + 1])[0][0])
 
 
-def test_a_plant_brakes_by_the_nearest_input_of_its_own_set(drawn):
+def test_a_plant_brakes_by_the_nearest_input_of_its_set(drawn):
     x, vertices, wanted = drawn
     many = begun(N, x, vertices)
     first, _ = many(wanted, x)

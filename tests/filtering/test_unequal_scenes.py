@@ -24,7 +24,7 @@ def test_a_batch_of_unequal_scenes_is_as_many_single_filters(robot):
     assert total >= 4 * unequal.PLANTS * unequal.STEPS
 
 
-def test_a_fast_robot_is_not_braked_by_what_is_not_there():
+def test_a_fast_robot_is_not_braked_by_filled_places():
     x = np.zeros((2, 4))
     x[1, 2] = 11.0
     filt = hcbf_gym.BatchFilter(Box.symmetric(5.0), 0.02, 2)

@@ -101,7 +101,7 @@ class Input:
 
 @dataclass
 class World:
-    """The truth, and what is said of it.
+    """The truth, and the samples of it.
 
     Args:
         model: by which the point moves.
@@ -223,9 +223,9 @@ class Batched:
         calm = np.array([[-3.0, 0.0, 0.0, 0.0]] * count)
 
         def state(*_):
-            told = world.estimate()
-            each = [Estimate(x, time=told_time(world)) for x in calm]
-            each[1] = told
+            reported = world.estimate()
+            each = [Estimate(x, time=time_of(world)) for x in calm]
+            each[1] = reported
             return stacked(each)
 
         plant = hcbf_gym.Plant(
@@ -263,7 +263,7 @@ def is_scene(report):
     return report["reason"][0] == hcbf_gym.models.plant.Reason.BARRIERS
 
 
-def told_time(world):
+def time_of(world):
     return T * world.steps
 
 
@@ -301,13 +301,13 @@ class Driven:
 
     def step(self, u=AHEAD):
         world = self.world
-        told = world.estimate()
+        reported = world.estimate()
         self.filter.barriers = self.input(world.scene)
-        pose = None if told.x is None else (told.x[0], told.x[1], 0.0)
-        twist = None if told.x is None else (told.x[2], told.x[3], 0.0)
+        pose = None if reported.x is None else (reported.x[0], reported.x[1], 0.0)
+        twist = None if reported.x is None else (reported.x[2], reported.x[3], 0.0)
         wanted = (3.0 * np.sign(u[0]), 0.0, 0.0)
-        now = None if told.age is None else told.time + told.age
-        command, report = self.filter.step(wanted, pose, twist, told.time, now)
+        now = None if reported.age is None else reported.time + reported.age
+        command, report = self.filter.step(wanted, pose, twist, reported.time, now)
         world.move(np.clip((command[:2] - world.x[2:]) / T, -LIMIT, LIMIT))
         return report
 

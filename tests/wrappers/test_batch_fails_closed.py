@@ -1,4 +1,4 @@
-"""A batch brakes the plants that it does not know; what is no batch of this package is refused."""
+"""A batch brakes the plants that are unknown; any other batch is refused."""
 
 import warnings
 

@@ -81,8 +81,8 @@ def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
         info = safe.step(action)[4]
     assert np.all(info["safety_filter"]["reason"] == REASONS[name])
     _, info = safe.reset()
-    said = [str(one.message) for one in warned]
-    assert sum(f"reader of the {name} raised KeyError" in one for one in said) == 1
+    answers = [str(one.message) for one in warned]
+    assert sum(f"reader of the {name} raised KeyError" in one for one in answers) == 1
     assert np.all(info["safety_filter"]["reason"] == REASONS[name])
     assert not np.any(info["safety_filter"]["covered"])
     sensor.raises = ""
@@ -101,9 +101,9 @@ def test_the_message_names_the_reader():
 
 @pytest.mark.parametrize("many", [False, True])
 def test_covered_is_read_at_every_step_and_ends_within_an_episode(many):
-    said = [Coverage.COVERED]
+    answers = [Coverage.COVERED]
     sensor = Sensor(many)
-    plant = dataclasses.replace(sensor.plant, covered=lambda *_: said[0])
+    plant = dataclasses.replace(sensor.plant, covered=lambda *_: answers[0])
     wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, World(limit=2.0))
     safe = wrap(env, plant=plant)
     action = np.zeros((N, 2)) if many else np.zeros(2)
@@ -111,7 +111,7 @@ def test_covered_is_read_at_every_step_and_ends_within_an_episode(many):
     began = np.unique(info["safety_filter"]["covered"]).tolist()
     found = []
     for now in (Coverage.COVERED, Coverage.OUTSIDE, Coverage.COVERED):
-        said[0] = now
+        answers[0] = now
         found.append(np.unique(safe.step(action)[4]["safety_filter"]["covered"]).tolist())
     assert found == [began, [Coverage.OUTSIDE], [Coverage.OUTSIDE]]
     assert np.unique(safe.reset()[1]["safety_filter"]["covered"]).tolist() == began

@@ -1,4 +1,4 @@
-"""When the filter of any model says that the plant is not the one that was declared."""
+"""When the filter of any model raises an alarm."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ PLANTS = {
 
 
 def inputs(u_set, seed, count):
-    """What a policy may ask for: each held for a while, of any size."""
+    """Nominal inputs: each held for a while, of any size."""
     rng = np.random.default_rng(seed)
     held = rng.uniform(u_set.low, u_set.high, (count // 10 + 1, u_set.n_u))
     return np.repeat(held * rng.random((len(held), 1)), 10, axis=0)[:count]
@@ -95,7 +95,7 @@ def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, driv
     model, u_set = PLANTS[name]
     plant = np.zeros(1, dtype=plants.plant_dtype(model.n_u))
     plant["elapsed"] = T
-    told = np.zeros(1, dtype=report.plant_dtype(model.n_u))
+    reported = np.zeros(1, dtype=report.plant_dtype(model.n_u))
     n = model.n
     states = State(*(np.zeros((1, *shape)) for shape in ((n,), (n,), (n,), (n, n), (n,))))
     states.covariance[:] = 0.0 if spread is None else spread
@@ -107,7 +107,7 @@ def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, driv
     constants = np.zeros(plants.CONSTANTS.itemsize // 8)
     watching = _core.Filter(constants, np.zeros(0), numbers_of(plant), 1)
     watching.set_states(*states)
-    watching.set_report(numbers_of(told), np.zeros((1, 0)))
+    watching.set_report(numbers_of(reported), np.zeros((1, 0)))
     x, asked = np.zeros(n), inputs(u_set, seed, count)
     past, u = [], np.zeros(model.n_u)
     for k in range(count):
@@ -169,7 +169,7 @@ WRONG = {
 
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("integrate", [None, semi_implicit], ids=["exact", "semi-implicit"])
-def test_a_position_that_does_not_move_as_the_velocity_says_is_seen_within_half_a_second(
+def test_a_position_that_does_not_move_as_the_velocity_does_is_seen_within_half_a_second(
     wrong, integrate
 ):
     found, k = alarm("point", integrate, shown(WRONG[wrong]), drive=forward)

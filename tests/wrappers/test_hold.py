@@ -61,7 +61,7 @@ def test_a_hold_that_cannot_be_is_refused(steps):
         wrappers.HoldAction(filtered(), steps)
 
 
-def test_the_vector_form_says_where_it_belongs():
+def test_the_vector_form_names_where_it_belongs():
     with pytest.raises(InvalidInputError, match="Disabled"):
         wrappers.VectorHoldAction(gym.make_vec(ID, num_envs=2), 5)
     with pytest.raises(InvalidInputError, match="before they are joined"):

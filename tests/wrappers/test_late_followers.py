@@ -1,4 +1,4 @@
-"""Robots that follow late, told by the environments' own adapter, which turns them as they go."""
+"""Robots that follow late, commanded by the environments' adapter, which turns them as they go."""
 
 import math
 from dataclasses import replace
@@ -27,7 +27,7 @@ WALLS = [
 
 
 class Late(gym.Env):
-    """A robot that the adapter tells what its model does, as an environment of walkers does."""
+    """A robot that the adapter commands, as an environment of walkers does."""
 
     observation_space = gym.spaces.Box(-np.inf, np.inf, (4,))
     action_space = gym.spaces.Box(-5.0, 5.0, (2,), dtype=np.float64)
@@ -50,9 +50,9 @@ class Late(gym.Env):
     def step(self, action):
         self._velocity = self._velocity + PERIOD * np.asarray(action)
         yaw = self._driven.pose[2]
-        told = self._adapter.command(*self._velocity, yaw, self._driven.velocity[2])
+        reported = self._adapter.command(*self._velocity, yaw, self._driven.velocity[2])
         self.nearest = min(
-            min(1.5 - x, 1.2 - y) for x, y in self._driven.drive(np.array(told), PERIOD)
+            min(1.5 - x, 1.2 - y) for x, y in self._driven.drive(np.array(reported), PERIOD)
         )
         return np.zeros(4, np.float32), 0.0, False, False, {}
 

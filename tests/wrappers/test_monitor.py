@@ -1,4 +1,4 @@
-"""When a filter says that the environment does not apply what it chose."""
+"""When an environment that does not apply u is an alarm."""
 
 import numpy as np
 import pytest
@@ -42,8 +42,8 @@ def wanted(seed, count=200):
 @given(seeds, st.floats(0.0, 0.3))
 def test_an_environment_that_applies_u_nearly_is_no_alarm(seed, off):
     u, rng = wanted(seed), np.random.default_rng(seed)
-    sway = rng.uniform(-off, off, u.shape) * np.linalg.norm(u, axis=1, keepdims=True)
-    assert not alarmed(u, u + sway)
+    error = rng.uniform(-off, off, u.shape) * np.linalg.norm(u, axis=1, keepdims=True)
+    assert not alarmed(u, u + error)
 
 
 @given(seeds)

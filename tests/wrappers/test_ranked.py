@@ -1,4 +1,4 @@
-"""Costs by rank, and observations that tell ranks, in every random scene alike."""
+"""Costs by rank, and observations with ranks, in every random scene alike."""
 
 import gymnasium as gym
 import numpy as np
@@ -82,7 +82,7 @@ def test_a_held_decision_costs_what_its_steps_do():
 
 
 @pytest.mark.parametrize("family", sorted(families()))
-def test_observations_of_all_random_scenes_have_one_length_and_tell_the_ranks(family):
+def test_observations_of_all_random_scenes_have_one_length_and_the_ranks(family):
     env = RankedObservation(gym.make(ROM, scenario=family))
     observation, info = env.reset(seed=3)
     assert observation.shape == env.observation_space.shape == (8 + 6 * 27,)

@@ -15,7 +15,7 @@ WALL = HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-2.0)
 
 @dataclass(frozen=True)
 class OwnWall(PlanarBarrier):
-    """A wall that says nothing of a core."""
+    """A wall without a core."""
 
     name: str = "own wall"
     priority: int = 1
@@ -26,7 +26,7 @@ class OwnWall(PlanarBarrier):
 
 @dataclass(frozen=True)
 class OwnDisc(PlanarBarrier):
-    """A disc that says nothing of a core."""
+    """A disc without a core."""
 
     name: str = "own disc"
     priority: int = 1

@@ -38,7 +38,7 @@ class Head:
         return np.clip(u / 5.0, -1.0, 1.0).astype(np.float32), state
 
 
-def test_a_running_step_tells_what_a_single_environment_tells():
+def test_a_running_step_reports_what_a_single_environment_reports():
     joined, batch = DummyVecEnv([lambda: single(30)] * 2), Sb3VecEnv(native(limit=30))
     for env in (joined, batch):
         env.seed(5)

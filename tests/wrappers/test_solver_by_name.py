@@ -21,13 +21,13 @@ def reports(world, program, rows, solver):
     env, plant = world()
     env = wrappers.SafetyFilter(env, program, plant=plant, rows=rows, solver=solver)
     env.reset(seed=3)
-    said = []
+    answers = []
     for k in range(60):
         action = np.array([4.0 * np.cos(0.02 * k), 4.0 * np.sin(0.02 * k)], dtype=np.float32)
         *_, info = env.step(action)
         report = info["safety_filter"]
-        said.append(np.hstack([report[key] for key in ("u_safe", "slack", "margin", "status")]))
-    return np.array(said)
+        answers.append(np.hstack([report[key] for key in ("u_safe", "slack", "margin", "status")]))
+    return np.array(answers)
 
 
 def listed():

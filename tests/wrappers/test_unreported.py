@@ -150,7 +150,7 @@ def test_a_partial_reset_leaves_what_others_reported():
     assert info["_safety_filter"].tolist() == begins.tolist()
     before = [robot.x.copy() for robot in robots]
     report = safe.step(wanted)[4]["safety_filter"]
-    assert not report["reason"].any()  # nobody was taken for reset, and nobody is unknown
+    assert not report["reason"].any()  # the others were not reset, and none is unknown
     np.testing.assert_allclose(report["h"][:, 0], [x[0] + 6.0 for x in before])
 
 

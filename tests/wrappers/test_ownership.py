@@ -1,4 +1,4 @@
-"""What is handed over stays the caller's, who may change it; so does what comes back."""
+"""Arguments stay the caller's, who may change them; so do returned values."""
 
 from collections import OrderedDict, deque
 from typing import NamedTuple
@@ -78,7 +78,7 @@ INPUTS = {
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("given", INPUTS)
-def test_what_stands_for_barriers_and_is_moved_in_place_is_seen(given):
+def test_a_source_of_barriers_that_is_moved_in_place_is_seen(given):
     one = Post()
     step = INPUTS[given](one)
     step()
@@ -106,19 +106,19 @@ class Broken(Post):
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("error", [ValueError("broken"), OSError("unplugged")])
 @pytest.mark.parametrize("given", INPUTS)
-def test_what_stands_for_barriers_and_fails_stops_the_robot_until_it_is_back(given, error):
+def test_a_source_of_barriers_that_fails_stops_the_robot_until_it_is_back(given, error):
     one = Broken()
     step = INPUTS[given](one)
     before = step()
     one.error = error
-    assert np.isnan(step())  # nothing is accepted: no h is told
+    assert np.isnan(step())  # nothing is accepted: h is unknown
     one.error = None
     assert step() == before
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize("given", INPUTS)
-def test_what_stands_for_barriers_stands_for_no_other_that_does(given):
+def test_a_source_of_barriers_holds_no_other_source(given):
     one = Post()
     one.conditions[0] = Post()
     if given == "a reader":  # which may say better later
@@ -181,7 +181,7 @@ class Own(PlanarBarrier):
 
 
 def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
-    """Whatever the other asks for between two lines."""
+    """Whatever the other requests between two lines."""
     rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
     mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
     compare = general.are_same
@@ -282,28 +282,28 @@ def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
         for name, value in then.items():
             np.testing.assert_array_equal(report[name], value, name)
     before = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
-    said = {name: np.array(before[name]) for name in ("covered", "covered_by", "alpha1_scale")}
+    answers = {name: np.array(before[name]) for name in ("covered", "covered_by", "alpha1_scale")}
     for value in before.values():
         value[...] = 7
     after = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
-    for name, value in said.items():
+    for name, value in answers.items():
         np.testing.assert_array_equal(after[name], value, name)
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 def test_guidance_looks_at_a_list_that_was_changed_and_set_again():
     listed = [post(2.0)]
-    door = VelocityFilter("cart", listed, goal=(6.0, 0.0), guidance="geodesic")
+    subject = VelocityFilter("cart", listed, goal=(6.0, 0.0), guidance="geodesic")
     looked = []
     for k, new in enumerate((None, Disc("other", 1, center=(2.0, 1.5), radius=1.2))):
         if new is not None:
             listed.append(new)
-            door.barriers = listed
-        door.step((0.3, 0.0), np.zeros(3), np.zeros(3), 5.0 * k)
-        looked.append(door._led_from)
+            subject.barriers = listed
+        subject.step((0.3, 0.0), np.zeros(3), np.zeros(3), 5.0 * k)
+        looked.append(subject._led_from)
     assert looked == [0.0, 5.0]
     with pytest.raises(ValueError, match="read-only"):
-        door.goal[:] = 0.0
+        subject.goal[:] = 0.0
 
 
 class Grown(Disc):
@@ -319,14 +319,14 @@ class Grown(Disc):
 @pytest.mark.parametrize("start", [0.0, 5000.0])
 def test_ones_own_kind_of_shape_is_looked_at_as_it_is_wherever_it_lies(start):
     one = Grown("grown", 1, center=(start + 3.0, 0.0), radius=0.5)
-    door = VelocityFilter("cart", [one], period=0.05)
+    subject = VelocityFilter("cart", [one], period=0.05)
     pose, twist = np.array([start, 0.0, 0.0]), np.zeros(3)
-    before = door.step((0.0, 0.0), pose, twist, 0.0)[1]["h"][0]
+    before = subject.step((0.0, 0.0), pose, twist, 0.0)[1]["h"][0]
     object.__setattr__(one, "extra", 1.0)
-    assert before - door.step((0.0, 0.0), pose, twist, 0.05)[1]["h"][0] == pytest.approx(1.0)
+    assert before - subject.step((0.0, 0.0), pose, twist, 0.05)[1]["h"][0] == pytest.approx(1.0)
 
 
-def test_what_a_robot_is_told_may_be_written_to():
+def test_an_action_may_be_written_to():
     def to_action(u):
         u *= 2.0
         return u
@@ -349,7 +349,7 @@ def test_an_environments_estimate_is_not_its_world():
     np.testing.assert_array_equal(env.rom_state, before)
 
 
-def test_a_scan_keeps_points_of_its_own():
+def test_a_scan_copies_its_points():
     points = np.array([[1.0, 0.0], [1.0, 0.01]])
     scan = Scan("scan", points, (0.0, 0.0, 0.0))
     points[:] = 9.0

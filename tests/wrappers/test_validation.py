@@ -1,4 +1,4 @@
-"""What the filter refuses at its door, and what a reset refuses."""
+"""What the filter refuses at construction, and what a reset refuses."""
 
 from dataclasses import dataclass
 
