@@ -3,7 +3,7 @@
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym.models import DoubleIntegrator
+from hcbf_gym.models import ControlAffine, DoubleIntegrator
 
 
 class World(gym.Env):
@@ -41,3 +41,14 @@ class World(gym.Env):
 def read_x(env, observation, info):
     """Return the state, as a plant's reader."""
     return env.x.copy()
+
+
+def boat():
+    """Return a user's model in NumPy: a double integrator with two drags."""
+    return ControlAffine(
+        lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
+        lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),
+        n=4,
+        n_u=2,
+        velocity_at=2,
+    )

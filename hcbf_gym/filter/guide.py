@@ -53,7 +53,9 @@ class Guide:
                     f"guidance: got {choice!r} with {type(made.plant.model).__name__}, expected "
                     "None: only the planar double integrator is guided"
                 )
-            options = dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
+            options: dict[str, Any] = (
+                dict(choice) if isinstance(choice, Mapping) else {"kind": choice}
+            )
             check_options("guidance", options, ("kind", "through"))
             self._through = int(options.get("through", 0))
             kinds: dict[str, Callable[[], Geodesic | Local]] = {

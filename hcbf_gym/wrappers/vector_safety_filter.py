@@ -103,7 +103,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         return observation, info
 
     def _see(self, observation: object, info: Info, begins: Mask | None = None) -> None:
-        """Note what readers look at, NaN for what is not reported."""
+        """Note what readers look at, with NaN for unreported values."""
         before = self._info
         super()._see(observation, info)
         if self._copies[INFO]:
