@@ -213,7 +213,7 @@ class BatchFilter:
         shape = (2,) if self.num_envs is None else (self._count, 2)
         wanted = floats("u_nominal", u_nominal, shape)
         back = _like(u_nominal)
-        self._core.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
+        self._core.made.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
         estimate = self._estimate(x, time, elapsed, missing)
         world = self._goal, self._extent
         u, report = self._core.step(

@@ -187,7 +187,14 @@ class Configured:
             numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
             settings = self._axle_settings(held)
             numbers["axle_rows"] = settings.packed
-            self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))
+            clearance = axle_rows.at_a_glance(settings, axle.jerk(period))
+            if clearance > FAR_OFF:
+                warn_caller(
+                    f"safety filter: at a period of {period:g} s a cart that turns at "
+                    f"{axle.turn:g} rad/s stays {clearance:.2g} m off walls besides its margin; "
+                    "expected a shorter period, or a lower turn or forward speed",
+                    CoverageWarning,
+                )
         self.words, self.program = plants.constants(compiled, numbers)
         if axle is not None:  # its U turns with the heading, and is written at every step
             nothing = np.zeros((1, 4, 2))
@@ -238,17 +245,6 @@ class Configured:
             self.alpha1 = self.alpha1.stretched(stretch)
             factor *= stretch
         return factor
-
-    def _warn_of_clearance(self, clearance: float) -> None:
-        """Warn where a differential drive is sampled so slowly that it stays far off walls."""
-        axle, period = self.plant.axle, self.plant.period
-        if axle is not None and clearance > FAR_OFF:
-            warn_caller(
-                f"safety filter: at a period of {period:g} s a cart that turns at {axle.turn:g} "
-                f"rad/s stays {clearance:.2g} m off walls besides its margin; expected a shorter "
-                "period, or a lower turn or forward speed",
-                CoverageWarning,
-            )
 
     def _axle_settings(self, held: bool) -> RowSettings:
         """Return how rows on a differential drive's axle are made."""

@@ -4,7 +4,7 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Info, Mask, numbers_of
@@ -36,8 +36,10 @@ class FilterCore:
 
     Attributes:
         made: settings and what follows from them.
-        covering: whether the promise was tested.
+        samples: what is known of the plants.
         scenes: the barriers as they are now.
+        guide: leads the plants.
+        covering: whether the promise was tested.
 
     Args:
         plant: of the environment.
@@ -70,7 +72,7 @@ class FilterCore:
         self._bound = Bound(made, self.samples, self._report, threads)
         kind = PlanarRows if made.is_planar else ModelRows
         self._rows = kind(made, self.samples, self._bound)
-        self._guide = Guide(made, self.samples)
+        self.guide = Guide(made, self.samples)
         self.scenes = Scenes(made, self.samples, self._rows, self.covering)
         self._warnings = ReasonWarnings(made.brakes_on_alarm)
         self._steps: Array = np.zeros(self.count)
@@ -82,12 +84,12 @@ class FilterCore:
     @property
     def guides(self) -> bool:
         """Whether guidance leads the plants, so that they need a goal."""
-        return self._guide.guides
+        return self.guide.guides
 
     @property
     def lost(self) -> str:
         """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
-        return self._guide.why(np.ones(self.count, dtype=np.bool_))
+        return self.guide.why(np.ones(self.count, dtype=np.bool_))
 
     @property
     def conditions(self) -> list[Condition]:
@@ -115,17 +117,9 @@ class FilterCore:
         """Let the next `begin` look at scenes, goals and extents anew; what is known stays."""
         self.samples.fresh[:] = True
 
-    def follow_maps(self, follows: bool) -> None:
-        """Let guidance take up maps that change, or lead by what it knew when the scene began."""
-        self._guide.follows = follows
-
     def leave_monitor(self) -> None:
         """Compare nothing: the caller propagates the states and compares its own measurements."""
         self.made.constants["observed"] = False
-
-    def applied_as(self, dtype: DTypeLike) -> None:
-        """Note the type of the environment's actions; strict rows reserve what rounding takes."""
-        self.made.applied_as(dtype)
 
     def set_inputs(self, vertices: Array) -> None:
         """Give each plant its U from now on, within the ball that the first U lies in.
@@ -139,10 +133,6 @@ class FilterCore:
     def cover(self, covered: object) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
         self.covering.begin(covered, self.samples.fresh)
-
-    def follow_cover(self, covered: object) -> None:
-        """Note where the promise is no longer a tested one; see `Covering.follow`."""
-        self.covering.follow(covered)
 
     def begin(
         self,
@@ -171,7 +161,7 @@ class FilterCore:
         if self.made.is_planar:
             scenes = self.scenes.now
             self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
-            self._guide.begin(scenes, (goal, extent), fresh, is_first)
+            self.guide.begin(scenes, (goal, extent), fresh, is_first)
         fresh[:] = False
         remembered, counted = self._rows.remembered(), self._steps.copy()
         n_u = self.input_set.n_u
@@ -211,11 +201,11 @@ class FilterCore:
         scene = self.scenes.now
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
-            report.widen(self._m, self._m + self._guide.has_row)
+            report.widen(self._m, self._m + self.guide.has_row)
             self._rows.widen(self._m)
         report.u_nominal[...] = u_nominal
-        if self._guide.guides:
-            self._guide.lead(scene, report.u_nominal, world)
+        if self.guide.guides:
+            self.guide.lead(scene, report.u_nominal, world)
         self._last = bound.arrays_of(scene), self._rows.make(scene, u_nominal)
         answer = self._bound.filter(*self._last)
         if answer in (bound.NOT_FINITE, bound.MISSHAPED):
@@ -294,7 +284,7 @@ class FilterCore:
         """Return what exactly is wrong of the first plant with a reason; "" for no more."""
         has = self._report.plants["reason"] == reason
         if reason == Reason.GOAL:
-            return self._guide.why(has)
+            return self.guide.why(has)
         scenes, i = self.scenes, int(np.flatnonzero(has)[0])
         if reason == Reason.BARRIERS and scenes.is_refused:
             return str(scenes.unread)

@@ -160,22 +160,17 @@ class Samples:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
-        was_far = self.origin.is_far
-        if was_far or not self.origin.is_decided:
-            self._count_from_origin(noted, estimate.model is not None)
-        self.is_rebased = self.origin.is_far != was_far
-
-    def _count_from_origin(self, noted: bool, has_model: bool) -> None:
-        """Let positions count from the origin, which the first that is good decides."""
         origin = self.origin
+        was_far = origin.is_far
         if noted and not origin.is_decided:
             good = (self._fault == 0) | (self._fault >= FIRST_ALARM)
             origin.decide(self.x[good])
         if origin.is_far:
             if noted:
                 origin.shift(self.x)
-            if has_model:
+            if estimate.model is not None:
                 origin.shift(self.states.model)
+        self.is_rebased = origin.is_far != was_far
 
     def _take_elapsed(self, elapsed: object) -> bool:
         """Note how long ago the samples before were [s]; return whether that is made of numbers."""
@@ -188,18 +183,14 @@ class Samples:
             return False
         is_time = (numbers > 0.0) & (numbers <= LONGEST)
         since[is_time] = numbers[is_time]
-        self.blame_where(~is_time)
+        if not is_time.all():
+            self.blame(Reason.STATE, ~is_time)
         return True
 
     def blame(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
         """Note why the masked plants are not accepted."""
         self._fault[mask] = reason
         self._faulty = True
-
-    def blame_where(self, bad: Mask) -> None:
-        """Note that the states of masked plants are none; an alarm does not hide it."""
-        if bad.any():
-            self.blame(Reason.STATE, bad)
 
     def doubt(self, reason: Reason, wrong_age: str = "") -> None:
         """Note why plants are not accepted that would be: an alarm does not hide it."""

@@ -66,7 +66,7 @@ class FilterBase:
         self._core = FilterCore(plant, input_set, settings, batch, threads)
         self._dtype = None if plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
-            self._core.applied_as(self._dtype)
+            self._core.made.applied_as(self._dtype)
         self._limits = limits(settings._asdict(), plant, differs(given, self._inner), one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
         self._observation: object = None
@@ -140,7 +140,7 @@ class FilterBase:
         u_nominal: Array = u.astype(np.float64)
         barriers, estimate, world = self._sample()
         if self._covers_anew:
-            core.follow_cover(self._covered())
+            core.covering.follow(self._covered())
         u, report = core.step(u_nominal, barriers, estimate, world=world)
         if plant.to_action is None:
             return u.astype(self._dtype), report

@@ -234,7 +234,7 @@ class VelocityFilter:
         listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
         self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
         self._barriers, self._looked_at, self._looks = barriers, listed, look
-        self._core.follow_maps(look)
+        self._core.guide.follows = look
         self._warn_of_sight(listed)
 
     def check(self, barriers: Sequence[Element]) -> None:
@@ -350,7 +350,7 @@ class VelocityFilter:
         """Return the core; what is measured is compared here, at its own time."""
         core = FilterCore(self._plant, self._input_set, settings)
         core.leave_monitor()
-        core.follow_maps(self._looks)
+        core.guide.follows = self._looks
         return core
 
     def reset(self) -> None:
