@@ -109,7 +109,7 @@ template <>
 Fields fields_of<plants::Constants>() {
   using Record = plants::Constants;
   Fields fields = {FIELD(lower), FIELD(by_level), FIELD(lock), FIELD(ranks), FIELD(guided), FIELD(radius),
-                   FIELD(lambda_u), FIELD(known_offset), FIELD(corners), FIELD(input_sets), FIELD(weights),
+                   FIELD(lambda_u), FIELD(known_offset), FIELD(corners), FIELD(weights),
                    FIELD(made), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(tracking),
                    FIELD(settles), FIELD(drives), FIELD(axle), FIELD(axle_rows), FIELD(jerk),
                    FIELD(has_way), FIELD(through), FIELD(brakes), FIELD(observed)};

@@ -31,9 +31,8 @@ class Bound:
         self._forget()
 
     def _forget(self) -> None:
-        """Bind everything anew."""
+        """Bind everything at the next step."""
         self._core: _core.Filter | None = None
-        self._plants: tuple[Array, Array] | None = None
         self._words: object = None
         self._scene: tuple[Integers | Array | None, ...] = (None,) * 6
 
@@ -49,12 +48,11 @@ class Bound:
     def core(self) -> _core.Filter:
         """Return the compiled filter, bound to the plants and their reports."""
         core, made = self._core, self._made
-        if core is None or self._plants is None or made.program is not self._plants[0]:
-            self._forget()
+        if core is None:
             core = _core.Filter(made.words, made.program, self._samples.words, self._threads)
             if self._samples.is_apart:
                 core.set_states(*self._samples.states)
-            self._core, self._plants = core, (made.program, self._samples.words)
+            self._core = core
         if self.report.words is not self._words:
             self._words = self.report.words
             core.set_report(*self.report.words)

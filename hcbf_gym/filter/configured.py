@@ -195,10 +195,9 @@ class Configured:
                     "expected a shorter period, or a lower turn or forward speed",
                     CoverageWarning,
                 )
+            # its U turns with the heading, and is written at every step
+            compiled = compiled._replace(vertices=np.zeros((1, 4, 2)))
         self.words, self.program = plants.constants(compiled, numbers)
-        if axle is not None:  # its U turns with the heading, and is written at every step
-            nothing = np.zeros((1, 4, 2))
-            self.program = plants.with_vertices(self.constants, self.program, nothing)
 
     @property
     def constants(self) -> Records:

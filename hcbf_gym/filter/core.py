@@ -10,8 +10,8 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Info, Mask, numbers_of
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.set import Condition
-from hcbf_gym.errors import InvalidInputError, UnreachableError, finite_array, shown
-from hcbf_gym.filter import bound, plants
+from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
+from hcbf_gym.filter import bound
 from hcbf_gym.filter.bound import Bound, SceneArrays
 from hcbf_gym.filter.causes import ReasonWarnings, cause_of
 from hcbf_gym.filter.configured import Configured
@@ -120,15 +120,6 @@ class FilterCore:
     def leave_monitor(self) -> None:
         """Compare nothing: the caller propagates the states and compares its own measurements."""
         self.made.constants["observed"] = False
-
-    def set_inputs(self, vertices: Array) -> None:
-        """Give each plant its U from now on, within the ball that the first U lies in.
-
-        Args:
-            vertices: (N, V, 2) its corners, counter-clockwise, around 0.
-        """
-        corners = finite_array("vertices", vertices, (self.count, None, 2))
-        self.made.program = plants.with_vertices(self.made.constants, self.made.program, corners)
 
     def cover(self, covered: object) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""

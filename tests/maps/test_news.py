@@ -7,6 +7,7 @@ import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.models.plant import Estimate
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
 from hcbf_robots.online import VelocityFilter
@@ -105,7 +106,8 @@ def test_what_was_handed_over_twice_between_two_steps_is_compared_with_what_a_st
         door.step(still, (5.5, 4.0, 0.0), still, 0.05 * k)
     told = []
     for at in (5.77, 5.765):  # far enough to be met by 5 mm, and then too near by as much
-        core._take_barriers([*wall(at, False), *door._scene()[1:]], None)
-        told.append(float(core._samples.plants["kept"][0]))
+        scene = [*wall(at, False), *door._scene()[1:]]
+        core.scenes.take(scene, Estimate(np.zeros(4), time=0.0), None)
+        told.append(float(core.samples.plants["kept"][0]))
     assert told[0] == pytest.approx(0.5 - 0.2 - core.made.uncertainty.distance, abs=0.01)
     assert told[1] == told[0]

@@ -21,7 +21,7 @@ struct Filter {
          ClassK alpha2 = {class_k::LINEAR, 2.0, 0.0, 0.0}) {
     constants.lower = Lower::RELAXED, constants.by_level = true, constants.lock = Lock::BOUND;
     constants.ranks = constants.observed = true, constants.lambda_u = 1.0, constants.period = period;
-    constants.corners = corners.size(), constants.input_sets = 1, constants.weights = 2;
+    constants.corners = corners.size(), constants.weights = 2;
     RowSettings& made = constants.rows = {alpha1, alpha2, period, 0.0, 1.0, {INF, INF}, {-INF, -INF}};
     for (const Point u : corners) {
       constants.radius = made.u_max = std::max(made.u_max, std::hypot(u.x, u.y));

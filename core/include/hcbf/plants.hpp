@@ -20,7 +20,6 @@ struct Constants {
   double radius, lambda_u;
   bool known_offset;
   Index corners;     // of a U
-  Index input_sets;  // 1, or one a plant
   Index weights;     // of a state
   bool made;         // whether rows, alarms and braking inputs were made beforehand
   // what rows reserve, and how they are made
@@ -136,14 +135,14 @@ inline bool fits(const Plants& p, bool guided) {
   return true;
 }
 
-// Returns the program of plant i; `numbers` holds the corners of U and the weights behind them, each of
-// all plants or one a plant.
+// Returns the program of plant i; `numbers` holds the corners of U, and behind them the weights of all
+// plants or of one a plant.
 inline program_records::Settings program_of(const Constants& c, Vector<const double> numbers, Index i) {
-  const Index end = 2 * c.corners * c.input_sets;
+  const Index end = 2 * c.corners;
   const bool weighs = numbers.size - end > c.weights;  // each plant by its own
   return {c.lower,  c.by_level, c.lock,         c.ranks,
           c.guided, c.radius,   c.lambda_u,     c.known_offset,
-          {numbers.data + (c.input_sets > 1 ? 2 * c.corners * i : 0), 1, c.corners, 2},
+          {numbers.data, 1, c.corners, 2},
           {numbers.data + end + (weighs ? c.weights * i : 0), 1, c.weights}};
 }
 
