@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.errors import HcbfError
 from hcbf_robots import Command, VelocityFilter, carts
@@ -87,11 +86,8 @@ def _needed(kind: type) -> set[str]:
 def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
     angles = np.sort(rng.uniform(0.0, math.tau, 6))
     corners: Any = (rng.uniform(0.2, 0.5, 6) * np.array([np.cos(angles), np.sin(angles)])).T
-    how = int(rng.integers(6))
-    if how == 0:
-        while not _crosses(corners):  # some other order is an outline, too
-            corners = corners[rng.permutation(6)]
-    elif how == 1:
+    how = int(rng.integers(1, 6))
+    if how == 1:
         corners = corners + rng.uniform(0.6, 2.0, 2)
     elif how == 2:
         corners = corners * (1.0, 0.0)
@@ -102,20 +98,6 @@ def _bent_footprint(rng: np.random.Generator, folder: Path) -> None:
     else:
         corners = corners[: int(rng.integers(0, 3))]
     footprint.reach(corners)
-
-
-def _crosses(corners: Array) -> bool:
-    """Return whether two edges of an outline that are no neighbours cross."""
-    edges = list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-
-    def apart(a: Array, b: Array, c: Array, d: Array) -> bool:
-        return bool(np.cross(b - a, c - a) * np.cross(b - a, d - a) < 0.0)
-
-    return any(
-        apart(*edges[i], *edges[j]) and apart(*edges[j], *edges[i])
-        for i in range(len(edges))
-        for j in range(i + 2, len(edges) - (i == 0))
-    )
 
 
 def _bent_log(rng: np.random.Generator, folder: Path) -> None:

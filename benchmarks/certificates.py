@@ -21,8 +21,9 @@ from rich.console import Console
 from hcbf_gym import certificates, wrappers
 from hcbf_gym.certificates import sequential
 from hcbf_gym.errors import RefusedError
-from hcbf_gym.evaluation import chunks, own_environment
+from hcbf_gym.evaluation import own_environment
 from hcbf_gym.evaluation.attacked import Outcome
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.tables import Table
 from hcbf_lab.certification import certify, check
@@ -87,7 +88,7 @@ def needed(job: tuple[float, int]) -> int:
     coin: Any = Coin(chance)  # it has no plant
     frozen = certify.Frozen("coin", coin, None, (), BOUND, CONFIDENCE, seed=seed)
     try:
-        return len(certify.draw(frozen, chunks.Runs(None, workers=1, quiet=True), at_most=100_000))
+        return len(certify.draw(frozen, Runs(None, workers=1, quiet=True), at_most=100_000))
     except RefusedError:
         return 0
 
@@ -99,7 +100,7 @@ def selftest(repetitions: int) -> Table:
     rows, good = [], True
     for name, share in (("ε / 10", 0.1), ("ε / 3", 1.0 / 3.0), ("ε", 1.0)):
         jobs = [(share * BOUND, seed) for seed in range(repetitions)]
-        runs = chunks.Runs(RESULTS / "selftest").over(needed, jobs, name, size=50)
+        runs = Runs(RESULTS / "selftest").over(needed, jobs, name)
         ends = np.array([one for _, one in runs])
         passed, mean = float((ends > 0).mean()), float(ends[ends > 0].mean()) if ends.any() else 0.0
         slack = doubt + 3.0 * spread
@@ -122,7 +123,7 @@ def shipped() -> Table:
     """Repeat a few blocks of every shipped certificate; for a release, before it is published."""
     rows, good = [], True
     for name, one in certificates.shipped().items():
-        checked = check.check(one, FEW_BLOCKS, 0, chunks.Runs(None, quiet=True))
+        checked = check.check(one, FEW_BLOCKS, 0, Runs(None, quiet=True))
         good = good and not checked.differs
         rows.append((name, "; ".join(checked.differs) or f"{checked.episodes} repeated"))
     return _told(Table("Shipped certificates", ("certificate", "what came out"), rows), good)
@@ -194,7 +195,7 @@ def undeserving(episodes: int) -> Table:
 def _asked(family: Any, episodes: int) -> str:
     """Return what is said of a plant: a refusal, or a bound."""
     plant, _ = certify.plant_of(family)
-    runs = chunks.Runs(None)
+    runs = Runs(None)
     bound = sequential.running_bound(0, episodes, 1.0 - CONFIDENCE)
     try:
         found = certify.calibrated(family, plant.uncertainty, runs, episodes // 4, 0.1 * bound, 0)

@@ -22,16 +22,14 @@ import tyro
 from rich.console import Console
 
 from hcbf_gym.errors import require
-from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.evaluation.statistics import CONFIDENCE, upper_bound
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.workers import Backend
 
-SIZE = 5
-"""Episodes in a chunk."""
 FIRST_SEED = 11_000_000
 MARK = "HCBF_KILLS"
 """The variable by which processes of this run are told from all others."""
@@ -61,8 +59,8 @@ def _notes(file: Path) -> list[list[int]]:
 def count(folder: Path, episodes: int, backend: Backend) -> None:
     """Run what is missing in the folder, and write what all of it says."""
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
-    runs = chunks.Runs(folder / "chunks", 2 if backend == "processes" else None, backend)
-    least = chunks.in_order(runs.over(functools.partial(walk, log=folder), seeds, size=SIZE))
+    runs = Runs(folder / "episodes", 2 if backend == "processes" else None, backend)
+    least = in_order(runs.over(functools.partial(walk, log=folder), seeds))
     entered = sum(h < 0.0 for h in least)
     bound = upper_bound(entered, episodes)
     write_json(
@@ -108,9 +106,7 @@ def broken(
         if command.wait() != 0:
             raise SystemExit("kills: the command failed, expected that it resumes")
     ended = [seed for seed, _ in _notes(folder / "ended")]
-    last = {seed for seed in ended if (seed - FIRST_SEED + 1) % SIZE == 0}
-    finished = sum((seed - FIRST_SEED + 1) % SIZE == 0 for seed in ended)
-    return killed | {"chunks": len(last), "run again": finished - len(last)}
+    return killed | {"episodes": len(set(ended)), "run again": len(ended) - len(set(ended))}
 
 
 def _start(folder: Path, episodes: int, backend: Backend) -> subprocess.Popen[bytes]:
@@ -195,15 +191,15 @@ def main(
             found = broken(folder, episodes, backend, kills, rng)
             same = (folder / "count.json").read_bytes() == expected
             figures[backend] = found | {"same": same}
-            share = 1.0 - found["run again"] / found["chunks"]
+            share = 1.0 - found["run again"] / found["episodes"]
             rows.append((backend, *map(str, found.values()), f"{share:.1%}", str(same)))
         told = json.loads(expected)
-    header = ("killed", "workers", "commands", "nodes", "chunks", "finished, run again")
+    header = ("killed", "workers", "commands", "nodes", "episodes", "finished, run again")
     header += ("not run again", "same bits")
     bound = f"{told['entered']} of {told['episodes']} entered, at most {told['bound']:.2%}"
     Console(width=120).print(Table(f"Killed and resumed: {bound}", header, rows).rich())
-    if not all(f["same"] and f["run again"] <= 0.1 * f["chunks"] for f in figures.values()):
-        raise SystemExit("kills: expected the same result, and 90 % of the chunks not run again")
+    if not all(f["same"] and f["run again"] <= 0.1 * f["episodes"] for f in figures.values()):
+        raise SystemExit("kills: expected the same result, and 90 % of the episodes not run again")
 
 
 if __name__ == "__main__":

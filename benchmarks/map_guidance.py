@@ -19,7 +19,7 @@ import tyro
 from rich.console import Console
 from scipy import ndimage
 
-from hcbf_gym import scenarios
+from hcbf_gym import _core, scenarios
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.barriers.mapped import MappedRegion
@@ -29,7 +29,6 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.guidance import Geodesic, Pull
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.map_ground import MapGround
-from hcbf_gym.guidance.row import descent
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
@@ -172,7 +171,7 @@ def _way_out(
     way.reset([floor], goal, None, BODY, start=start)
     view, geometry, end = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
     point, length = np.array(start), 0.0
-    while zones[fields.cell_of(point[0], point[1], geometry)] and length < 100.0:
+    while zones[_core.field_cell_of(point[0], point[1], geometry)] and length < 100.0:
         after = _further(view, geometry, end, point)
         length += float(np.linalg.norm(after - point))
         point = after
@@ -181,7 +180,7 @@ def _way_out(
 
 def _further(view: Any, geometry: Array, goal: Array, point: Array) -> Array:
     """Return the point one cell further down the field."""
-    return np.array(descent(view, geometry, goal, point[0], point[1], geometry[2]))
+    return np.array(_core.field_descent(view, geometry, goal, point[0], point[1], geometry[2]))
 
 
 def fields_part(count: int) -> Table:

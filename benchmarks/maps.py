@@ -17,6 +17,7 @@ from rich.console import Console
 
 from benchmarks.judges import squares
 from benchmarks.map_guidance import maps
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import choose
@@ -25,7 +26,6 @@ from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.models.reduced_order import double_integrator_step
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
@@ -161,7 +161,7 @@ def attack(floor: RankedMap, number: int, body: float) -> Hostile:
         state, start_of = start_of, inner.rom_state
         u = info["safety_filter"]["u_safe"]
         for _ in range(SUBSTEPS):
-            state = np.array(double_integrator_step(state, u, PHYSICS_DT, V_MAX))
+            state = np.array(_core.double_integrator_step(state, u, PHYSICS_DT, V_MAX))
             way.append(state)
         status[int(info["safety_filter"]["status"])] += 1
         pays.append(info["safety_filter"]["slack"] > 0.0)

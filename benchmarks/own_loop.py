@@ -19,7 +19,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Robot, VelocityFilter
-from hcbf_robots.identification.record import Runner
+from hcbf_robots.identification.identify import Runner
 from hcbf_robots.walkers import Walker
 
 PERIOD = 0.05
@@ -70,7 +70,7 @@ class Moving:
     def go(self, command: Array) -> None:
         """Follow a command for one control step."""
         if self._runner is not None:
-            self.fallen |= self._runner.tell(command, CONTROL_DT).falls > 0
+            self.fallen |= self._runner.hold(command, CONTROL_DT).falls > 0
             self._look()
             return
         three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])

@@ -13,7 +13,7 @@ from hcbf_gym import _core, programs
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.barriers.shapes import disc
+from hcbf_gym.barriers.shape import PLACE
 from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.models.input_sets import Box
@@ -180,7 +180,7 @@ def _nominal(
 ) -> Array:
     """Return u* (N, 2)."""
     if policy == "adversarial":
-        towards = barriers.parameters[:, 2, disc.CENTER_X : disc.CENTER_Y + 1] - x[:, :2]
+        towards = barriers.parameters[:, 2, PLACE] - x[:, :2]
         return LIMIT * towards / np.linalg.norm(towards, axis=1, keepdims=True)
     share = min(t / TRAVEL_TIME, 1.0)
     velocity = GOAL / TRAVEL_TIME if share < 1.0 else np.zeros(2)

@@ -18,9 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from hcbf_gym import wrappers
-from hcbf_gym.evaluation import attacks, chunks
+from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.programs import FilterStatus
 
 FIRST_SEED = 31_000_000
@@ -175,8 +176,8 @@ def main(args: Args) -> None:
                 )
                 for k in range(args.episodes)
             ]  # fmt: skip
-            runs = chunks.Runs(workers=args.workers)
-            counts = [count for _, count in runs.over(run, jobs, size=5)]
+            runs = Runs(workers=args.workers)
+            counts = [count for _, count in runs.over(run, jobs)]
             line = summary(plant, kind, counts)
             lines.append(line)
             table.add_row(*map(str, line.values()))

@@ -12,9 +12,9 @@ import tyro
 from rich.progress import track
 
 from hcbf_gym.errors import require
-from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import N_TRAINED, TRAINED
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.output_folder import write_json
 
 SEED = 11
@@ -62,7 +62,7 @@ def main(generations: int = 21, scenes: int = 2, output: Path = TRAINED) -> None
             for parameters in asked
             for seed in range(first, first + scenes)
         ]
-        found = dict(chunks.Runs(Path("results/train-attack")).over(least_h, jobs))
+        found = dict(Runs(Path("results/train-attack")).over(least_h, jobs))
         least = np.array([found[k] for k in range(len(jobs))]).reshape(POPULATION, scenes)
         search.tell(list(zip(asked, least.mean(axis=1).tolist(), strict=True)))
         means.append(float(least.mean()))

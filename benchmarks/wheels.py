@@ -67,7 +67,7 @@ ROBOTS = {
     "Go2": Body(Robot(Command(1.0, 1.5, sideways=0.5), reach=0.46), 0.15),
     "cart": Body(Robot(Command(1.2, 2.5, look_ahead=0.25), reach=0.34), 0.08),
 }
-TYPED = Response(time_constant=0.15, delay=0.05, residual=(0.0, 0.05, 0.1), sway=0.02,
+TYPED = Response(time_constant=0.15, delay=0.05, residual=(0.0, 0.05, 0.1), deviation=0.02,
                  overshoot=0.05, braking=1.5)  # fmt: skip
 
 

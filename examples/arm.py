@@ -19,23 +19,23 @@ BALLS = ((1, (1, -0.7, 0.8), 0.4, 0.4), (2, (1, 0.7, 0.8), 0.4, -0.8), (3, (0.8,
 
 @dataclass(frozen=True)
 class Clear(hcbf_gym.barriers.Barrier):
-    """A link, a capsule, keeps out of a sphere that sways along y: h = ‖p − c(t)‖ − r − THICK."""
+    """A link, a capsule, out of a sphere that oscillates along y: h = ‖p − c(t)‖ − r − THICK."""
 
     link: str = "hand"
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
     radius: float = 0.2  # [m]
-    sway: float = 0.0  # [m], once in 2π s
+    swing: float = 0.0  # [m], once in 2π s
 
     def jet(self, x, t=0.0):
         pin.computeJointJacobians(ARM, DATA, x)
         (joint, length), c = LINKS[self.link], np.array(self.center, dtype=float)
-        c[1] += self.sway * math.sin(t)
+        c[1] += self.swing * math.sin(t)
         place = DATA.oMi[joint]
         POINT.translation[2] = min(max(place.actInv(c)[2], 0.0), length)  # nearest to c
         away = place.act(POINT.translation) - c
         distance = math.sqrt(away @ away)
         gradient = away / distance @ pin.getFrameJacobian(ARM, DATA, joint, POINT, AXES)[:3]
-        h, rate = distance - self.radius - THICK, -away[1] / distance * self.sway * math.cos(t)
+        h, rate = distance - self.radius - THICK, -away[1] / distance * self.swing * math.cos(t)
         return hcbf_gym.barriers.Jet(h, gradient, FLAT, rate, FLAT[0], 0.0)
 
 

@@ -26,7 +26,7 @@ class Boat(gym.Env):
             for k, (r, a) in enumerate(at)
         ] + [barriers.SpeedLimit("speed", 1, 1.5)]
         self.x = np.zeros(4)
-        return self.x.copy(), self.told([self.x])
+        return self.x.copy(), self.infos([self.x])
 
     def step(self, action):
         path = []
@@ -35,9 +35,9 @@ class Boat(gym.Env):
             self.x[2:] += T / 10.0 * (action - DRAG * self.x[2:] + gust)
             self.x[:2] += T / 10.0 * self.x[2:]
             path.append(self.x.copy())
-        return self.x.copy(), 0.0, False, False, self.told(path)
+        return self.x.copy(), 0.0, False, False, self.infos(path)
 
-    def told(self, path):
+    def infos(self, path):
         return {"min_h": np.array([min(b.h(x) for x in path) for b in self.buoys])}
 
 

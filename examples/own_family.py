@@ -1,4 +1,4 @@
-"""Gates in a corridor, a family of random scenes of one's own, with a reward of its own.
+"""Gates in a corridor, a user's family of random scenes with its own reward.
 
 `hcbf evaluate --env HCBF-Regions-v0 --scenario own_family.py:gates --episodes 5`
 """

@@ -1,6 +1,6 @@
 """A planner that knows no obstacle: `python examples/ros_planner.py X Y`, beside `hcbf ros`.
 
-It turns to its goal and drives at it, tells guidance of the goal, and ends where it has arrived.
+It turns to its goal, drives at it, publishes it to guidance, and ends where it has arrived.
 """
 
 import math
@@ -23,7 +23,7 @@ class Planner(Node):
         self.velocity = self.create_publisher(TwistStamped, "cmd_vel_smoothed", 10)
         self.goal = self.create_publisher(PoseStamped, "goal_pose", 10)
         self.create_subscription(Odometry, "odom", self.heard, qos_profile_sensor_data)
-        self.pose, self.told = None, -1.0
+        self.pose, self.published = None, -1.0
         self.create_timer(0.05, self.drive)
 
     def heard(self, message):
@@ -37,8 +37,8 @@ class Planner(Node):
     def drive(self):
         if self.pose is None:
             return
-        if time.monotonic() - self.told > 1.0:  # again and again: who has just come hears it too
-            self.told = time.monotonic()
+        if time.monotonic() - self.published > 1.0:  # repeatedly, for late subscribers
+            self.published = time.monotonic()
             goal = PoseStamped()
             goal.header.frame_id = "odom"
             goal.pose.position.x, goal.pose.position.y = GOAL

@@ -1,4 +1,4 @@
-"""What the arguments of commands may be: a range beside a field's type, checked before any work."""
+"""Ranges of the arguments of commands, beside their types, checked before any work."""
 
 import dataclasses
 import math
@@ -11,13 +11,7 @@ from hcbf_gym.records import check_place
 
 
 class Range(NamedTuple):
-    """What a number may be.
-
-    Attributes:
-        least: the least value.
-        most: the largest value.
-        above: whether `least` itself is refused.
-    """
+    """A range of numbers, from `least`, itself refused if `above`, to `most`."""
 
     least: float
     most: float
@@ -46,7 +40,7 @@ Folder = Annotated[Path, Output()]
 
 
 def check(args: Any) -> None:
-    """Refuse numbers out of their range, text that is none, and places that cannot be written to.
+    """Refuse numbers out of their range, malformed text, and places that cannot be written to.
 
     Args:
         args: a dataclass of a command's arguments.
@@ -76,7 +70,7 @@ def check(args: Any) -> None:
 
 
 def _values(value: Any) -> Iterator[Any]:
-    """Yield what an argument is made of: itself, or its entries."""
+    """Yield an argument, or its entries."""
     if isinstance(value, Mapping):
         value = (*value, *value.values())
     if isinstance(value, tuple | list):
@@ -87,7 +81,7 @@ def _values(value: Any) -> Iterator[Any]:
 
 
 def _marks(hint: Any) -> Iterator[Any]:
-    """Yield what stands beside the types of a hint."""
+    """Yield the metadata of a type hint and of its parts."""
     if get_origin(hint) is Annotated:
         yield from hint.__metadata__
     for part in get_args(hint):
@@ -96,16 +90,9 @@ def _marks(hint: Any) -> Iterator[Any]:
 
 
 class Subcommand(NamedTuple):
-    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring.
+    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring."""
 
-    Attributes:
-        module: imported when the command is called, not before.
-        does: one line for the list of commands.
-        extra: the extra that brings what it needs, where it needs more than the core.
-        needs: the modules of that extra that must be there.
-    """
-
-    module: str
-    does: str
-    extra: str = ""
-    needs: tuple[str, ...] = ()
+    module: str  # imported when the command is called, not before
+    does: str  # one line for the list of commands
+    extra: str = ""  # the extra that brings what it needs, where it needs more than the core
+    needs: tuple[str, ...] = ()  # the modules of that extra that must be there

@@ -1,4 +1,4 @@
-"""Arrays by what they hold; shapes and units stand in the docstrings of who takes them."""
+"""Arrays by their content; shapes and units are in the docstrings of functions."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -29,7 +29,7 @@ Pair = tuple[float, float]
 
 
 def record_type(name: str, **behind: int) -> np.dtype[np.void]:
-    """Return the dtype of a struct of the core, whose header says what its fields are.
+    """Return the dtype of a struct of the core, whose header documents its fields.
 
     Args:
         name: in `_core.RECORDS`.

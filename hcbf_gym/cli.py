@@ -44,15 +44,11 @@ def commands() -> dict[str, Subcommand]:
 
 
 READS = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
-"""How commands read their arguments: one that is not given has no spelling of its own."""
+"""How commands read their arguments: None cannot be typed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command; an error that this package raises ends it in one line.
-
-    Args:
-        arguments: the command's name and its own arguments; None for those of the process.
-    """
+    """Run one command; an error that this package raises ends it in one line."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if not arguments or arguments[0] in ("-h", "--help"):
         print(_overview())
@@ -67,21 +63,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(name: str, program: str, arguments: Sequence[str]) -> None:
-    """Run a module's `main` with its `Args`; errors of this package and Ctrl-C end it in a line.
+    """Run a module's `main` with its `Args`; errors and Ctrl-C end it in a line.
 
     Args:
         name: of the module.
-        program: what the help calls it.
-        arguments: its own.
+        program: its name in the help.
+        arguments: of the command.
     """
-    # one episode, one core: processes share the work, not threads, unless the user says otherwise
+    # one episode, one core: processes share the work, not threads, unless the user sets it
     threads = None if "OMP_NUM_THREADS" in os.environ else 1
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     usual, warnings.formatwarning = warnings.formatwarning, _warning
-    goes_on = ""
+    resumed = ""
     try:
         module = importlib.import_module(name)
-        goes_on = getattr(module, "GOES_ON", "")
+        resumed = getattr(module, "RESUMED", "")
         own = list(arguments)
         own = own[: own.index("--ros-args")] if "--ros-args" in own else own  # the rest is ROS's
         _describe(module.Args)
@@ -99,32 +95,32 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
             f"{where.lineno})"
         )
     except KeyboardInterrupt:
-        print("; ".join(filter(None, ("interrupted", goes_on))), file=sys.stderr)
+        print("; ".join(filter(None, ("interrupted", resumed))), file=sys.stderr)
         sys.exit(130)
     finally:
         warnings.formatwarning = usual
 
 
 def _parsed(args: type, program: str, about: str, own: list[str]) -> Any:
-    """Return a command's arguments; what is none ends the process in one line."""
+    """Return a command's arguments; invalid ones end the process in one line."""
     if {"-h", "--help"} & set(own):  # which is longer
         return tyro.cli(args, prog=program, description=about, args=own, config=READS)
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        with contextlib.redirect_stderr(printed), contextlib.redirect_stdout(printed):
             return tyro.cli(args, prog=program, description=about, args=own, config=READS)
     except SystemExit as end:
-        print(f"error: {_one_line(said.getvalue())}", file=sys.stderr)
+        print(f"error: {_one_line(printed.getvalue())}", file=sys.stderr)
         raise SystemExit(end.code or 2) from None
 
 
-def _one_line(said: object) -> str:
-    """Return what is said, without the frames and the ends of lines that a terminal shows."""
-    return " ".join(re.sub(r"[─-╿]|-{3,}", " ", str(said)).split())
+def _one_line(text: object) -> str:
+    """Return a text without frames and ends of lines."""
+    return " ".join(re.sub(r"[─-╿]|-{3,}", " ", str(text)).split())
 
 
 def _describe(args: type) -> None:
-    """Let the help of a dataclass's fields flow, without the defaults that its text tells of."""
+    """Let the help of a dataclass's fields flow, without defaults that its text states."""
     texts = {
         one.arg_name: " ".join((one.description or "").split())
         for cls in reversed(args.__mro__[:-1])
@@ -136,15 +132,15 @@ def _describe(args: type) -> None:
         if dataclasses.is_dataclass(plain[field.name]):
             _describe(plain[field.name])
             continue
-        is_told = field.default in (None, (), "") or field.default_factory is dict
+        is_stated = field.default in (None, (), "") or field.default_factory is dict
         about = tyro.conf.arg(
-            help=texts.get(field.name), help_behavior_hint="" if is_told else None
+            help=texts.get(field.name), help_behavior_hint="" if is_stated else None
         )
         args.__annotations__[field.name] = Annotated[hints[field.name], about]
 
 
 def _warning(message: Warning | str, *_: object, **__: object) -> str:
-    """Return a warning as a command says it: where in the code it was raised helps nobody."""
+    """Return a warning without the line of code that raised it."""
     return f"warning: {message}\n"
 
 

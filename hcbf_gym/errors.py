@@ -1,4 +1,4 @@
-"""One family of errors; a message says what is wrong, what was expected and the choices."""
+"""One family of errors; a message states what is wrong, what was expected and the choices."""
 
 import contextlib
 import importlib.util
@@ -38,16 +38,16 @@ class SolverError(HcbfError, RuntimeError):
     """A quadratic program that must have a solution was not solved by any solver."""
 
 
-class ChunkError(HcbfError, RuntimeError):
-    """A part of a long run raised an error, or killed its workers; the message says which."""
+class JobError(HcbfError, RuntimeError):
+    """A job of a long run raised an error, or killed its workers; the message names it."""
 
 
 class RefusedError(HcbfError, RuntimeError):
-    """A plant gets no certificate; the message says why, and what to look at."""
+    """A plant gets no certificate; the message names the reason."""
 
 
 class RenderingError(HcbfError, RuntimeError):
-    """No OpenGL context could be made; the message says what to install."""
+    """No OpenGL context could be made; the message names what to install."""
 
 
 class MissingDependencyError(HcbfError, ImportError):
@@ -84,12 +84,7 @@ _PASSED = {"hcbf_gym", "hcbf_robots", "hcbf_lab", "gymnasium", "contextlib", "fu
 
 
 def warn_caller(text: str, category: type[Warning] = UserWarning) -> None:
-    """Warn of the user's line: the first one that lies neither in this package nor in Gymnasium.
-
-    Args:
-        text: what is said.
-        category: of the warning.
-    """
+    """Warn of the user's line: the first one that is neither this package's nor Gymnasium's."""
     frame, level = sys._getframe(), 1
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
         frame, level = frame.f_back, level + 1
@@ -97,28 +92,23 @@ def warn_caller(text: str, category: type[Warning] = UserWarning) -> None:
 
 
 @contextlib.contextmanager
-def said_once() -> Iterator[None]:
-    """Let what is warned of inside be said once, at the end."""
+def warned_once() -> Iterator[None]:
+    """Collect the warnings inside, and give each of them once, at the end."""
     raised: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
             yield
-    finally:  # also where it failed: what was warned of may be why
+    finally:  # after an error, too: a warning may explain it
         for text, category in dict.fromkeys((str(one.message), one.category) for one in raised):
             warn_caller(text, category)
 
 
 def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
-    """Return ``choices[name]``.
-
-    Args:
-        kind: what is being chosen, for the message ("program", "scenario", …).
-        name: the name asked for.
-        choices: the registered names and what they stand for.
+    """Return ``choices[name]``; the message of an error calls it a `kind` ("program", …).
 
     Raises:
-        UnknownNameError: if `name` is not registered; the message lists the names that are.
+        UnknownNameError: if there is no such name; the message lists those that there are.
     """
     if not isinstance(name, str) or name not in choices:
         raise UnknownNameError(
@@ -128,18 +118,12 @@ def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
 
 
 def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) -> int:
-    """Return `value` as a whole number from `minimum` to `maximum`.
-
-    Args:
-        name: the argument's name, for the message.
-        value: an integer that is no truth value.
-        minimum: the least value.
-        maximum: the largest value.
+    """Return the argument `name` as a whole number from `minimum` to `maximum`.
 
     Raises:
-        InvalidInputError: on anything else.
+        InvalidInputError: on anything else, truth values included.
     """
-    number = minimum - 1  # which is none
+    number = minimum - 1  # out of range
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
     if not minimum <= number <= maximum:
@@ -151,12 +135,7 @@ def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) 
 
 
 def instance(name: str, value: object, *kinds: type[T]) -> T:
-    """Return `value`, which is of one of some classes.
-
-    Args:
-        name: the argument's name, for the message.
-        value: anything.
-        kinds: the classes.
+    """Return the argument `name`, an instance of one of some classes.
 
     Raises:
         InvalidInputError: if it is of none of them; the message names them.
@@ -168,25 +147,16 @@ def instance(name: str, value: object, *kinds: type[T]) -> T:
 
 
 def flag(name: str, value: object) -> bool:
-    """Return a truth value: text such as "False" is none.
-
-    Args:
-        name: the argument's name, for the message.
-        value: anything.
+    """Return the argument `name`, a truth value.
 
     Raises:
-        InvalidInputError: if it is none.
+        InvalidInputError: on anything else, such as the text "False".
     """
     return bool(instance(name, value, bool, np.bool_))
 
 
 def listed(name: str, value: object, *kinds: type[T]) -> tuple[T, ...]:
-    """Return a sequence, of entries of some classes, as a tuple.
-
-    Args:
-        name: the argument's name, for the message.
-        value: anything.
-        kinds: the classes.
+    """Return the argument `name`, a sequence of instances of some classes, as a tuple.
 
     Raises:
         InvalidInputError: if it is no sequence, or an entry is of none of the classes.
@@ -198,14 +168,10 @@ def listed(name: str, value: object, *kinds: type[T]) -> tuple[T, ...]:
 
 
 def text(name: str, value: object) -> str:
-    """Return a name, or a path, as text.
-
-    Args:
-        name: the argument's name, for the message.
-        value: anything.
+    """Return the argument `name`, a text or a path, as text.
 
     Raises:
-        InvalidInputError: if it is neither text nor a path, or holds a NUL.
+        InvalidInputError: if it is neither, or holds a NUL.
     """
     if not isinstance(value, str | Path) or "\0" in str(value):
         raise InvalidInputError(f"{name}: got {shown(value)}, expected text")
@@ -213,25 +179,24 @@ def text(name: str, value: object) -> str:
 
 
 def require(what: str, extra: str, *modules: str) -> None:
-    """Refuse to begin what needs an optional dependency that is not installed.
-
-    Args:
-        what: what needs it, for the message ("hcbf tune", "--video", …).
-        extra: the extra of this package that brings it.
-        modules: the top-level modules that must be found.
+    """Refuse to begin `what` ("hcbf tune", "--video", …) without the modules of an extra.
 
     Raises:
-        MissingDependencyError: if one is missing; the message names the extra.
+        MissingDependencyError: if one is not installed; the message names the extra.
     """
-    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    missing = _missing(modules)
     if missing:
         raise MissingDependencyError(
             f"{what}: got no {', '.join(missing)}, expected the extra {extra}: {install(extra)}"
         )
 
 
+def _missing(modules: Iterable[str]) -> list[str]:
+    return [name for name in modules if importlib.util.find_spec(name) is None]
+
+
 def install(extra: str) -> str:
-    """Return the lines that install an extra of this package, which is on no index of packages."""
+    """Return the command that installs an extra of this package, which is on no index."""
     return (
         f"pip install -c constraints.txt -e '.[{extra}]' in a checkout, "
         f"pip install 'PATH/TO/CHECKOUT[{extra}]' elsewhere"
@@ -242,16 +207,12 @@ _PACKAGES = {"mujoco": "mujoco>=3.11", "pinocchio": "pin>=4.0"}
 
 
 def require_packages(what: str, *modules: str) -> None:
-    """Refuse to begin what needs packages that a light installation leaves out.
-
-    Args:
-        what: what needs them, for the message.
-        modules: of "mujoco" and "pinocchio".
+    """Refuse to begin `what` without "mujoco" or "pinocchio", which a light installation lacks.
 
     Raises:
-        MissingDependencyError: if one is missing; the message names the line that installs it.
+        MissingDependencyError: if one is missing; the message is the line that installs it.
     """
-    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    missing = _missing(modules)
     if missing:
         line = " ".join(f"'{_PACKAGES[name]}'" for name in missing)
         raise MissingDependencyError(
@@ -260,10 +221,10 @@ def require_packages(what: str, *modules: str) -> None:
 
 
 def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> None:
-    """Refuse keyword options that nobody reads.
+    """Refuse keyword options of a `kind` that are not allowed.
 
     Raises:
-        InvalidInputError: if an option is not allowed; the message lists those that are.
+        InvalidInputError: if there is one; the message lists those that are allowed.
     """
     allowed = sorted(allowed)
     unknown = sorted(set(options) - set(allowed))
@@ -274,20 +235,16 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
 
 
 def shown(value: object) -> str:
-    """Return what a message shows of a value: its beginning and its end, where it is long."""
+    """Return the text of a value for a message, without the middle of a long one."""
     try:
         text = repr(value)
-    except Exception:  # of lists without end, and of whatever a foreign object raises
+    except Exception:  # endless lists and foreign objects raise anything
         text = f"a {type(value).__name__}"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 60]} … {text[-50:]}"
 
 
 def reals(name: str, value: object) -> NDArray[np.float64]:
-    """Return `value` as a new float64 array of any shape, of numbers that may be NaN or infinite.
-
-    Args:
-        name: the argument's name, for the message.
-        value: real numbers, in an array or in lists of them.
+    """Return `value` as a new float64 array of any shape; entries may be NaN or infinite.
 
     Raises:
         InvalidInputError: on text, truth values, complex numbers, objects, floats of other than 32
@@ -310,12 +267,12 @@ def reals(name: str, value: object) -> NDArray[np.float64]:
 def finite_array(
     name: str, value: object, shape: tuple[int | None, ...], *, largest: float = np.inf
 ) -> NDArray[np.float64]:
-    """Return `value` as a new float64 array of the given shape with finite entries.
+    """Return `value` as a new float64 array with finite entries.
 
     Args:
         name: the argument's name, for the message.
         value: real numbers, in an array or in lists of them.
-        shape: the expected shape; None stands for any length.
+        shape: the expected one, with None for any length.
         largest: magnitude of an entry.
 
     Raises:
@@ -339,16 +296,13 @@ def finite_array(
 
 
 def floats(name: str, value: object, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
-    """Return an array of 32 or 64 bits as it came; numbers of Python's own have 64.
+    """Return `value` as an array that keeps its 32 or 64 bits; Python's numbers have 64.
 
-    Args:
-        name: the argument's name, for the message.
-        value: what comes back in the same type, such as u*, or a state.
-        shape: the expected shape; None for any.
+    Entries may be NaN or infinite; a shape of None is any.
 
     Raises:
         InvalidInputError: on integers, half precision, truth values, complex numbers, objects, and
-            another shape. Some entries may be NaN or infinite.
+            another shape.
     """
     given = as_array(name, value)
     if isinstance(value, list | tuple | int) and given.dtype.kind in "iu" and _is_real(value):
@@ -363,16 +317,11 @@ def floats(name: str, value: object, shape: tuple[int, ...] | None = None) -> ND
 
 
 def as_array(name: str, value: object) -> NDArray[Any]:
-    """Return `value` as an array of NumPy of whatever it holds; a tensor's looks into its memory.
-
-    Args:
-        name: the argument's name, for the message.
-        value: anything.
+    """Return `value` as a NumPy array of any type; a tensor's is a view.
 
     Raises:
-        InvalidInputError: on ragged lists, on objects that do not tell their entries, on arrays of
-            which a mask hides some, on tensors that need a gradient, lie on another device or have
-            no form in NumPy, and on what JAX traces.
+        InvalidInputError: on ragged lists, masked entries, foreign objects without entries, tensors
+            that need a gradient, are on another device or have no form in NumPy, and JAX tracers.
     """
     if type(value) is np.ndarray:
         return value
@@ -388,12 +337,12 @@ def as_array(name: str, value: object) -> NDArray[Any]:
         raise InvalidInputError(f"{name}: got {shown(value)}, expected an array without a mask")
     try:
         return np.asarray(value)
-    except Exception as error:  # whatever a foreign object raises when it is asked for its entries
+    except Exception as error:  # a foreign object raises anything
         raise InvalidInputError(f"{name}: got {shown(value)}, expected an array") from error
 
 
 def library_of(value: object) -> str:
-    """Return "torch", "jax" or "numpy", without an import of any of them."""
+    """Return "torch", "jax" or "numpy", without an import of them."""
     torch, jax = sys.modules.get("torch"), sys.modules.get("jax")
     if torch is not None and isinstance(value, torch.Tensor):
         return "torch"
@@ -403,7 +352,6 @@ def library_of(value: object) -> str:
 
 
 def _of_torch(name: str, tensor: Any) -> NDArray[Any]:
-    """Return an array that looks into the memory of a tensor of torch."""
     if tensor.requires_grad:
         raise InvalidInputError(
             f"{name}: got a tensor that needs a gradient, expected one without: {name}.detach(); "
@@ -423,12 +371,12 @@ def _of_torch(name: str, tensor: Any) -> NDArray[Any]:
 
 
 def holds_numbers(dtype: np.dtype) -> bool:
-    """Return whether a type holds real numbers that 64 bits hold, and no fewer than 32 bits."""
+    """Return whether a type is of integers, or of floats of 32 or 64 bits."""
     return dtype.kind in "iu" or (dtype.kind == "f" and dtype.itemsize in (4, 8))
 
 
 def _is_real(value: object, deepest: int = DEEPEST) -> bool:
-    """Return whether a value holds neither text nor truth values nor complex numbers."""
+    """Return whether no entry is a text, a truth value or a complex number."""
     if isinstance(value, list | tuple):
         return deepest > 0 and all(_is_real(one, deepest - 1) for one in value)
     if isinstance(value, np.ndarray | np.generic):
@@ -444,30 +392,21 @@ def finite_float(
     maximum: float = np.inf,
     exclusive: bool = False,
 ) -> float:
-    """Return `value` as a finite float from `minimum` to `maximum`.
-
-    Args:
-        name: the argument's name, for the message.
-        value: a number of 32 or 64 bits that is no truth value.
-        minimum: the least value.
-        maximum: the largest value.
-        exclusive: whether `minimum` itself is refused.
+    """Return `value` as a finite float from `minimum`, itself refused if exclusive, to `maximum`.
 
     Raises:
-        InvalidInputError: on anything else.
+        InvalidInputError: on anything else, truth values and half precision included.
     """
     low = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else ""
     high = f"<= {maximum}" if np.isfinite(maximum) else ""
     expected = f"a number {' and '.join(filter(None, (low, high))) or 'that is finite'}"
     is_number = isinstance(value, int | float | np.integer | np.floating)
     is_half = isinstance(value, np.floating) and not holds_numbers(value.dtype)
-    if isinstance(value, bool) or not is_number or is_half:
-        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
-    try:
-        number = float(value)
-    except OverflowError as error:  # an integer beyond the floats
-        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}") from error
+    number = np.nan
+    if is_number and not (is_half or isinstance(value, bool)):
+        with contextlib.suppress(OverflowError):  # an integer beyond the floats
+            number = float(value)
     too_low = number <= minimum if exclusive else number < minimum
     if not np.isfinite(number) or too_low or number > maximum:
-        raise InvalidInputError(f"{name}: got {value!r}, expected {expected}")
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
     return number

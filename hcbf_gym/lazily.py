@@ -1,4 +1,4 @@
-"""What a package offers under its own name, imported when it is first asked for (PEP 562)."""
+"""The names of a package, imported when they are first used (PEP 562)."""
 
 import importlib
 from collections.abc import Callable, Mapping
@@ -10,8 +10,7 @@ def names_of(package: str, where: Mapping[str, str]) -> Callable[[str], object]:
 
     Args:
         package: its ``__name__``.
-        where: name → the module below the package in which it stands; a module's own name stands
-            for the module.
+        where: name → its module below the package; a module's own name is the module.
 
     Examples:
         >>> names_of("collections", {"abc": "abc"})("abc").__name__

@@ -1,4 +1,4 @@
-"""What a user names on a command line or in a contract: functions of their own, and networks."""
+"""What a user names on a command line or in a contract: their own functions, and networks."""
 
 import functools
 import importlib
@@ -6,7 +6,7 @@ import importlib.util
 import inspect
 import sys
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,7 +18,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, require, text
 
 EXTRA = "walkers"
-"""Brings what runs an ONNX network."""
+"""Brings onnxruntime."""
 
 
 def is_function(name: str) -> bool:
@@ -27,10 +27,9 @@ def is_function(name: str) -> bool:
 
 
 def function(what: str, name: str) -> Callable[..., Any]:
-    """Return the function or class that a name stands for.
+    """Return the function or class of a name.
 
-    A file's folder, or for a module the current folder, is searched for what it imports, so that
-    its neighbours are found.
+    A file's folder, or for a module the current folder, is searched for what it imports.
 
     Args:
         what: is named, for messages.
@@ -45,32 +44,29 @@ def function(what: str, name: str) -> Callable[..., Any]:
         raise InvalidInputError(f"{what}: got {name!r}, {expected}")
     try:
         found = getattr(_module(where), attribute)
-    except Exception as error:  # whatever a user's module raises while it is imported
-        said = f"{type(error).__name__}: {error}"
-        raise InvalidInputError(f"{what}: got {name!r} ({said}), {expected}") from error
+    except Exception as error:  # a user's module raises anything while it is imported
+        raise InvalidInputError(
+            f"{what}: got {name!r} ({type(error).__name__}: {error}), {expected}"
+        ) from error
     if not callable(found):
         raise InvalidInputError(f"{what}: got {name!r}, which is {found!r}, expected a function")
     return found
 
 
 def files(name: str) -> list[Path]:
-    """Return the file in which a named function stands, with what it imports of no package."""
+    """Return the file of a named function, with those that it imports; none of a package."""
     where = name.rpartition(":")[0]
     if where.endswith(".py"):
-        first = Path(where).resolve()
-    else:
-        try:
-            origin = inspect.getsourcefile(_module(where))
-        except (ImportError, TypeError):  # none, or built in
-            return []
-        if origin is None:
-            return []
-        first = Path(origin)
-    return sources.of_user(first)
+        return sources.of_user(Path(where).resolve())
+    try:
+        origin = inspect.getsourcefile(_module(where))
+    except (ImportError, TypeError):  # none, or built in
+        origin = None
+    return [] if origin is None else sources.of_user(Path(origin))
 
 
 def module(what: str, where: str) -> ModuleType:
-    """Return the module that a file or a module's name stands for.
+    """Return the module of a file or of a module's name.
 
     Args:
         what: is named, for messages.
@@ -81,7 +77,7 @@ def module(what: str, where: str) -> ModuleType:
     """
     try:
         return _module(where)
-    except Exception as error:  # whatever a user's module raises while it is imported
+    except Exception as error:  # a user's module raises anything while it is imported
         raise InvalidInputError(
             f"{what}: got {where!r} ({type(error).__name__}: {error}), expected a file or module "
             "that can be imported"
@@ -93,7 +89,6 @@ _opened: dict[ModuleType, dict[str, str]] = {}
 
 
 def _module(where: str) -> ModuleType:
-    """Return the module of a name or of a file."""
     with opened.recorded() as found:
         module = _imported(where)
     opened.note(_opened.setdefault(module, found))
@@ -114,7 +109,7 @@ def _imported(where: str) -> ModuleType:
 
 @functools.cache
 def _of_file(file: Path, changed: int) -> ModuleType:
-    """Return the module that a file holds as it is, under a name of its own."""
+    """Return the module that a file is now, under a name that no other file has."""
     if str(file.parent) not in sys.path:
         sys.path.insert(0, str(file.parent))  # as Python does for a script
     name = f"hcbf_own_{file.stem}_{zlib.crc32(str(file).encode()):08x}"
@@ -149,12 +144,12 @@ class Network:
             raise InvalidInputError(f"policy: got {str(path)!r}, expected an existing ONNX file")
         session = _session(path, path.stat().st_mtime_ns)
         inputs, outputs = session.get_inputs(), session.get_outputs()
+        n, k = sizes
         if len(inputs) != 1:
             raise InvalidInputError(
                 f"policy: got the inputs {[i.name for i in inputs]} in {path.name}, expected one: "
                 "the observation"
             )
-        n, k = sizes
         if not (_fits(inputs[0].shape, n) and inputs[0].type == "tensor(float)"):
             raise InvalidInputError(
                 f"policy: got the input {inputs[0].shape} of {inputs[0].type} in {path.name}, "
@@ -166,36 +161,31 @@ class Network:
                 "size of the action"
             )
         self._input = np.zeros((1, n), dtype=np.float32)
-        self._feed, self._wanted = {inputs[0].name: self._input}, [outputs[0].name]
+        self._feed, self._output = {inputs[0].name: self._input}, [outputs[0].name]
         self._run = session.run
 
     def __call__(self, observation: Array) -> Array:
         """Return (k,) the network's output."""
         self._input[0] = observation
-        return self._run(self._wanted, self._feed)[0][0]
+        return self._run(self._output, self._feed)[0][0]
 
 
-def _fits(shape: Sequence[object], size: int) -> bool:
-    """Return whether a network's shape is (1, size); names stand for any size."""
-    return (
-        len(shape) == 2
-        and shape[0] in (1, None, *filter(_is_name, shape[:1]))
-        and shape[1] in (size, None, *filter(_is_name, shape[1:]))
+def _fits(shape: list[int | str | None], size: int) -> bool:
+    """Return whether a network's shape is (1, size); None and names fit any size."""
+    return len(shape) == 2 and all(
+        isinstance(got, str | None) or got == expected
+        for got, expected in zip(shape, (1, size), strict=True)
     )
-
-
-def _is_name(size: object) -> bool:
-    return isinstance(size, str)
 
 
 @functools.cache
 def _session(path: Path, changed: int) -> Any:
-    """Return onnxruntime's session of a file as it is; one serves all environments."""
+    """Return onnxruntime's session of a file as it is now; one serves all environments."""
     onnxruntime: Any = importlib.import_module("onnxruntime")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime has a family of its own
+    except Exception as error:  # onnxruntime's errors share no base class
         raise InvalidInputError(f"policy: onnxruntime refuses {path.name}: {error}") from error

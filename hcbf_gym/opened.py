@@ -7,6 +7,7 @@
 True
 """
 
+import functools
 import hashlib
 import os
 import sys
@@ -40,9 +41,9 @@ def recorded() -> Iterator[dict[str, str]]:
     """Yield path → hash of the content of every file that is opened for reading inside.
 
     Files of the system and of installed packages are left out, and so are files that the work
-    itself writes. What C code opens is not seen.
+    itself writes. Files that C code opens are not seen.
     """
-    _install()
+    _listen()
     found: dict[str, str] = {}
     _records.append(found)
     try:
@@ -54,7 +55,7 @@ def recorded() -> Iterator[dict[str, str]]:
 
 
 def note(found: Mapping[str, str]) -> None:
-    """Add files to what is being recorded, which were read before: path → hash."""
+    """Add files, path → hash, which were read before, to all that is being recorded."""
     for record in _records:
         record.update(found)
 
@@ -67,17 +68,16 @@ def content(path: str) -> str:
         return MISSING
 
 
-def _install() -> None:
+@functools.cache
+def _listen() -> None:
     """Add the hook, once a process: Python removes none."""
-    if not getattr(_install, "done", False):
-        _install.done = True  # type: ignore[attr-defined]
-        sys.addaudithook(_heard)
+    sys.addaudithook(_on_event)
 
 
-def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+def _on_event(event: str, arguments: tuple[Any, ...]) -> None:
     if event != "open" or not _records or getattr(_local, "busy", False):
         return
-    _local.busy = True  # reading the file is heard, too
+    _local.busy = True  # hashing the file opens it
     try:
         _add(*arguments)
     finally:
@@ -85,12 +85,11 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _add(given: Any, mode: str | None, flags: int) -> None:
-    """Note one file that is about to be opened."""
-    if isinstance(given, int):  # a descriptor: its path was heard
+    if isinstance(given, int):  # a descriptor, whose path was seen before
         return
     path = os.path.abspath(os.fsdecode(given))
-    passing = os.path.realpath(path).startswith(_APART) or "__pycache__" in path
-    if passing or (os.path.exists(path) and not os.path.isfile(path)):
+    apart = os.path.realpath(path).startswith(_APART) or "__pycache__" in path
+    if apart or (os.path.exists(path) and not os.path.isfile(path)):
         return
     for record in _records:
         if flags & (os.O_WRONLY | os.O_CREAT | os.O_TRUNC):

@@ -1,4 +1,4 @@
-"""How records leave the process: as plain dicts that travel through JSON, and as whole files."""
+"""JSON serialisation of dataclasses, and files that are written whole or not at all."""
 
 import json
 import os
@@ -16,12 +16,7 @@ from hcbf_gym.errors import InvalidInputError, choose, shown, text
 
 
 def to_dict(record: Any, kinds: Mapping[str, type]) -> dict[str, Any]:
-    """Return ``{"kind": …, field: value, …}`` with JSON types only.
-
-    Args:
-        record: a dataclass instance whose class is among `kinds`.
-        kinds: the registered names and their classes.
-    """
+    """Return ``{"kind": …, field: value, …}`` with JSON types, of a dataclass among named kinds."""
     kind = next(name for name, cls in kinds.items() if type(record) is cls)
     return {"kind": kind} | {f.name: plain(getattr(record, f.name)) for f in fields(record)}
 
@@ -30,13 +25,13 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
     """Build the dataclass that ``data["kind"]`` names from the other entries.
 
     Args:
-        what: what is being read, for the message ("barrier", "reference", …).
+        what: names it in messages ("barrier", "reference", …).
         data: a mapping as `to_dict` makes it.
-        kinds: the registered names and their classes.
+        kinds: name → class.
 
     Raises:
-        InvalidInputError: if `data` is no mapping, or a field is missing, unknown or mistyped.
-        UnknownNameError: if the kind is not registered.
+        InvalidInputError: if `data` is no mapping, the kind is not registered, or a field is
+            missing, unknown or mistyped.
     """
     check_mapping(what, data)
     if "kind" not in data:
@@ -46,7 +41,7 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
 
 
 def build(what: str, cls: type, values: Mapping[str, object]) -> Any:
-    """Call a dataclass with the fields in `values` after checking their names.
+    """Return a dataclass of the fields in `values`.
 
     Raises:
         InvalidInputError: if a field is missing or unknown; the message lists the fields.
@@ -67,21 +62,13 @@ def build(what: str, cls: type, values: Mapping[str, object]) -> Any:
 
 
 def check_mapping(what: str, data: object) -> None:
-    """Refuse anything but a mapping with text keys.
-
-    Raises:
-        InvalidInputError: on anything else.
-    """
+    """Refuse anything but a mapping with text keys."""
     if not isinstance(data, Mapping) or not all(isinstance(key, str) for key in data):
         raise InvalidInputError(f"{what}: got {shown(data)}, expected a mapping with text keys")
 
 
 def read_json(what: str, path: str | Path) -> Any:
-    """Return what a JSON file holds.
-
-    Args:
-        what: names it in the message.
-        path: of the file.
+    """Return the content of a JSON file, which messages call `what`.
 
     Raises:
         InvalidInputError: if it cannot be read, or is not JSON.
@@ -129,11 +116,7 @@ def _plain(value: Any) -> Any:
 
 
 def expanded(what: str, path: str) -> str:
-    """Return a path with its environment variables and ``~`` put in.
-
-    Args:
-        what: names it in the message.
-        path: as it is written.
+    """Return a path with its environment variables and ``~`` expanded.
 
     Raises:
         InvalidInputError: if a variable is not set.
@@ -147,15 +130,11 @@ def expanded(what: str, path: str) -> str:
 
 
 def check_place(name: str, path: Path, *, makes: bool = True) -> None:
-    """Refuse a place where no folder and no file can be.
-
-    Args:
-        name: what messages call it.
-        path: of a folder or a file that need not be there.
-        makes: whether it is to be made.
+    """Refuse a path where no folder or file can be.
 
     Raises:
-        InvalidInputError: if a part of the path is too long, or a file where it is to be made.
+        InvalidInputError: if a part of the path is too long, or, unless `makes` is false, a file is
+            where a folder is to be made.
     """
     whole_path = path.absolute()
     if len(str(whole_path)) > 4000 or any(len(part.encode()) > 255 for part in whole_path.parts):
@@ -168,11 +147,7 @@ def check_place(name: str, path: Path, *, makes: bool = True) -> None:
 
 
 def check_name(name: str, value: str) -> str:
-    """Return a name that becomes part of a file's name: a name is no path.
-
-    Args:
-        name: what messages call it.
-        value: the name.
+    """Return a name that becomes part of a file's name.
 
     Raises:
         InvalidInputError: if it is empty, hidden, too long, or holds what separates folders.
@@ -193,7 +168,7 @@ _MADE: ContextVar[list[Path] | None] = ContextVar("folders that were made", defa
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those in which it lies, where they are not there.
+    """Make a folder and its parents, where they do not exist.
 
     Raises:
         InvalidInputError: if it cannot be made.
@@ -231,12 +206,10 @@ def nothing_left_behind() -> Iterator[None]:
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a path to write to, which becomes `path` at the end: whole or not at all.
+    """Yield a path to write to, which becomes `path` at the end: whole or not at all.
 
-    Whoever else writes the same file meanwhile writes another part of the disk; the last one wins.
-
-    Args:
-        path: of the file; its suffix is retained, as some writers add one of their own.
+    Of two processes that write the same file the last one wins. The suffix is retained, as some
+    writers add one.
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

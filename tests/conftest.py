@@ -112,7 +112,8 @@ def opengl():
     import mujoco  # after this package, which chooses how MuJoCo renders  # isort: skip
 
     try:
-        OffscreenRenderer(mujoco.MjModel.from_xml_string("<mujoco/>")).close()
+        model = mujoco.MjModel.from_xml_string("<mujoco/>")
+        OffscreenRenderer(model, mujoco.MjData(model)).close()
     except RenderingError as error:
         pytest.skip(f"needs OpenGL: {error}")
 

@@ -259,7 +259,7 @@ def calls() -> dict[str, Call]:
             forward=1.0, turn=2.0, sideways=None, look_ahead=0.2, heading="velocity",
         )),
         "Response": Call(hcbf_robots.Response, given(
-            gain=(1.0, 1.0), time_constant=0.3, delay=0.1, residual=(0.1, 0.2, 0.3), sway=0.05,
+            gain=(1.0, 1.0), time_constant=0.3, delay=0.1, residual=(0.1, 0.2, 0.3), deviation=0.05,
             overshoot=0.2, rise=0.7, stopping=0.5, braking=1.5, falls=0, seconds=1.0, lasting=None,
         )),
         "Response.load": Call(hcbf_robots.Response.load, given(path=Path("nowhere.json"))),
@@ -460,7 +460,7 @@ def calls() -> dict[str, Call]:
         "scenarios.load": Call(scenarios.load, given(path="nowhere.json")),
         "scenarios.register": Call(scenarios.register, given(
             name="called", draw=lambda generator, scene: None, shapes=1, v_max=1.0,
-            draw_many=None, floor=None, hooks=scenarios.Hooks(),
+            floor=None, hooks=scenarios.Hooks(),
         )),
         "scenarios.families": Call(scenarios.families, {}),
         "scenarios.family_of": Call(scenarios.family_of, given(scenario="random")),
@@ -487,7 +487,7 @@ def calls() -> dict[str, Call]:
             given(observation=np.zeros(8), info={}),
         ),
         "LearnedPolicy()": Call(net.__call__, given(observation=np.zeros(net.mean.shape), info={})),
-        "Geodesic": Call(guidance.Geodesic, given(count=1, through=0, cell=0.1, period=0.5)),
+        "Geodesic": Call(guidance.Geodesic, given(count=1, through=0, cell=0.1)),
         "Geodesic.reset": Call(
             guidance.Geodesic().reset,
             given(barriers=[DISC], goal=(4.0, 0.0), extent=None, clearance=0.0, start=(0.0, 0.0)),

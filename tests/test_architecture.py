@@ -1,4 +1,4 @@
-"""The house: what stands at its root, which way its imports go, and how fast its door opens."""
+"""The packages: their roots, the direction of their imports, and how fast they are imported."""
 
 import re
 import subprocess

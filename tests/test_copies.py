@@ -168,7 +168,7 @@ def test_copies_go_on_identically(name, elsewhere):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_forked_process_goes_on_identically(name, elsewhere):
+def test_a_forked_process_continues_identically(name, elsewhere):
     same(*elsewhere.submit(arrives, name).result())
 
 

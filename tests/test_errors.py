@@ -9,7 +9,7 @@ from PIL import Image
 
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, said_once
+from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, warned_once
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.scenarios import BoxObstacle
@@ -33,7 +33,7 @@ NO_NUMBERS = (
 )
 
 
-@pytest.mark.parametrize("bent", NO_NUMBERS, ids=repr)
+@pytest.mark.parametrize("malformed", NO_NUMBERS, ids=repr)
 @pytest.mark.parametrize(
     "take",
     [
@@ -52,15 +52,15 @@ NO_NUMBERS = (
     ],
     ids=lambda take: "",
 )
-def test_what_is_no_real_number_is_no_coordinate(take, bent):
+def test_coordinates_are_real_numbers(take, malformed):
     with pytest.raises(InvalidInputError):
-        take(bent)
+        take(malformed)
 
 
-@pytest.mark.parametrize("bent", ["1.0", True, 1.0 + 0.0j, None, [1.0]])
-def test_a_radius_is_a_real_number(bent):
+@pytest.mark.parametrize("malformed", ["1.0", True, 1.0 + 0.0j, None, [1.0]])
+def test_a_radius_is_a_real_number(malformed):
     with pytest.raises(InvalidInputError):
-        Disc("a", 1, radius=bent)
+        Disc("a", 1, radius=malformed)
 
 
 @pytest.mark.parametrize("given", [(1, 0), [1.0, np.float32(0.0)], np.array([1, 0])])
@@ -69,10 +69,10 @@ def test_integers_and_arrays_are_coordinates(given):
 
 
 @pytest.mark.parametrize("name", list(Sensors.__dataclass_fields__))
-@pytest.mark.parametrize("bent", [1e160, np.inf, np.nan, -1.0, "1", True])
-def test_sensors_beyond_what_can_be_computed_with_are_refused(name, bent):
+@pytest.mark.parametrize("malformed", [1e160, np.inf, np.nan, -1.0, "1", True])
+def test_sensors_beyond_what_can_be_computed_with_are_refused(name, malformed):
     with pytest.raises(InvalidInputError):
-        Sensors(**{name: bent})
+        Sensors(**{name: malformed})
 
 
 @pytest.mark.parametrize("name", ["rate", "noise", "slip", "tilt", "drift_time"])
@@ -81,18 +81,18 @@ def test_a_sensor_s_number_that_is_divided_by_is_not_next_to_nothing(name):
         Sensors(**{name: 1e-300})
 
 
-def test_what_is_warned_of_many_times_is_said_once_also_where_it_fails():
+def test_what_is_warned_of_many_times_is_warned_once_also_where_it_fails():
     def fails():
-        with said_once():
+        with warned_once():
             for text in ("one", "other", "one", "one"):
                 warnings.warn(text, CoverageWarning, stacklevel=2)
             raise ZeroDivisionError
 
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         with pytest.raises(ZeroDivisionError):
             fails()
-    assert [(str(one.message), one.category) for one in said] == [
+    assert [(str(one.message), one.category) for one in raised] == [
         ("one", CoverageWarning),
         ("other", CoverageWarning),
     ]
@@ -125,7 +125,7 @@ def a_map(folder):
 
 @pytest.mark.parametrize("way", [an_environment, a_filter, a_loop, a_map])
 def test_a_warning_names_the_users_line(way, tmp_path):
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         way(tmp_path) if way is a_map else way()
-    assert {one.filename for one in said} == {__file__}
+    assert {one.filename for one in raised} == {__file__}

@@ -1,4 +1,4 @@
-"""What commands say of their arguments."""
+"""The help of commands."""
 
 import dataclasses
 import importlib
@@ -17,8 +17,8 @@ def test_help_describes_each_argument_and_shows_no_default_that_python_alone_kno
         pytest.importorskip(module)
     with pytest.raises(SystemExit):
         cli.main([name, "--help"])
-    said = capsys.readouterr().out
-    assert not re.search(r"\{None\}|default: (None|'')?\)", said)
+    printed = capsys.readouterr().out
+    assert not re.search(r"\{None\}|default: (None|'')?\)", printed)
     texts = list(texts_of(importlib.import_module(command.module).Args))
     assert texts
     assert all(texts)

@@ -130,15 +130,15 @@ def tree(folder):
 
 
 def refused(name, given, capsys):
-    """Return what a command says that refuses its arguments, and the seconds that it takes."""
+    """Return the error of a command that refuses its arguments, and its seconds."""
     begun = time.process_time()
     with pytest.raises(SystemExit) as end:
         cli.main([name, *given])
     seconds = time.process_time() - begun
     code = end.value.code
-    said = code if isinstance(code, str) else capsys.readouterr().err
+    error = code if isinstance(code, str) else capsys.readouterr().err
     assert code not in (0, None), given
-    return said, seconds
+    return error, seconds
 
 
 COUNTED: list[str] = []
@@ -168,14 +168,14 @@ def test_what_no_argument_may_be_is_refused_in_one_line(name, tmp_path, monkeypa
             what = " ".join(one[:40] for one in given)
             COUNTED.append(what)
             try:
-                said, seconds = refused(name, given, capsys)
+                error, seconds = refused(name, given, capsys)
             except (BeganError, pytest.fail.Exception) as error:
                 failures.append(f"{what}: {type(error).__name__}")
                 continue
             capsys.readouterr()
-            lines = said.strip().splitlines()
-            if len(lines) != 1 or not said.startswith("error: ") or " line " in said[-30:]:
-                failures.append(f"{what}: {said}")
+            lines = error.strip().splitlines()
+            if len(lines) != 1 or not error.startswith("error: ") or " line " in error[-30:]:
+                failures.append(f"{what}: {error}")
             if seconds > SECONDS:
                 failures.append(f"{what}: {seconds:.1f} s")
             if tree(tmp_path) != before:
@@ -278,7 +278,7 @@ def policy(observation, info):
 
 
 @pytest.mark.parametrize(
-    ("fails", "given", "says"),
+    ("fails", "given", "message"),
     [
         ("raise OSError('unplugged')", [], "OSError: unplugged"),
         ("1 / 0", ["--workers", "1"], "ZeroDivisionError"),
@@ -288,14 +288,14 @@ def policy(observation, info):
     ],
 )
 def test_certify_tries_what_is_the_user_s_own_before_it_begins(
-    fails, given, says, tmp_path, monkeypatch, capsys
+    fails, given, message, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plant.py").write_text(PLANT.replace("FAILS", fails), encoding="utf-8")
     before = tree(tmp_path)
-    said, _ = refused("certify", ["plant.py:make", "--output", "out/here", *given], capsys)
-    assert says in said
-    assert len(said.splitlines()) == 1
+    error, _ = refused("certify", ["plant.py:make", "--output", "out/here", *given], capsys)
+    assert message in error
+    assert len(error.splitlines()) == 1
     assert [one for one in tree(tmp_path) if "__pycache__" not in one] == before
 
 

@@ -13,7 +13,7 @@ HEAVY = ("mujoco", "pinocchio", "matplotlib", "PIL", "jax", "torch")
 
 
 def run(code, *missing):
-    """Run code in a process of its own in which some modules cannot be imported."""
+    """Run code in a new process in which some modules cannot be imported."""
     blocked = f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", blocked + code],
@@ -44,8 +44,8 @@ import hcbf_gym
 import hcbf_robots
 from hcbf_gym.barriers import Disc
 robot = hcbf_robots.Robot(hcbf_robots.Command(forward=1.0, turn=1.0, look_ahead=0.2))
-door = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
-print(door.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
+safe = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(2.0, 0.0), radius=0.5)])
+print(safe.step((0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)[0][0] > 0.0)
 """
     assert run(code, *HEAVY) == ["True"]
 

@@ -25,7 +25,7 @@ NOT_CALLED = {
     programs: {"BatchProgram", "Prices", "Program"},  # `make` and `make_batch` make them
     scenarios: {"Family", "register_floors"},  # `register` makes one, packages call the other
 }
-"""What is called by another name, or by nobody."""
+"""Names that are called by others, or not at all."""
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_wrong_values_in_every_place_of_every_call_are_refused_in_words(calls):
                     answer = call.of(**{**call.given, place: values[label]})
                 except HcbfError as error:
                     if "expected" not in str(error):
-                        failures.append(f"{name}({place}={label}): says {error}")
+                        failures.append(f"{name}({place}={label}): message {error}")
                 except Exception as error:  # which is the failure
                     failures.append(f"{name}({place}={label}): {type(error).__name__}: {error}")
                 else:
@@ -198,7 +198,7 @@ def test_a_robot_is_commanded_in_the_type_of_the_command(dtype):
     np.testing.assert_array_equal(cart.command_at(0.01), command.astype(np.float64))
 
 
-def test_a_spec_with_a_plant_given_by_hand_says_how_it_becomes_plain():
+def test_a_spec_with_a_plant_given_by_hand_explains_how_it_becomes_plain():
     env = gym.make("HCBF-Regions-v0", scenario="random")
     plant = env.unwrapped.plant
     for filtered in (

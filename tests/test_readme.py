@@ -48,7 +48,7 @@ def pages_with(pattern):
 
 
 def named(page):
-    """Return a page's path, which tells evidence/guidance from guidance."""
+    """Return a page's path, which distinguishes evidence/guidance from guidance."""
     return str(page.relative_to(ROOT).with_suffix(""))
 
 
@@ -72,28 +72,28 @@ def test_readme_clones_from_the_address_of_the_project():
 
 
 @pytest.mark.physics
-def test_the_readmes_code_runs_and_does_what_it_says(released, capsys):
+def test_the_readmes_code_runs_and_does_what_it_shows(released, capsys):
     names: dict = {}
     (loop,) = blocks("README.md", "python")
     exec(loop, names)
     assert names["info"]["is_success"]
     assert names["info"]["safety_filter"]["covered"] == 1
     assert names["info"]["min_h"][:2].min() > 0.0  # the two walls
-    said = capsys.readouterr().out.splitlines()
-    assert said[0] == "arrived: True"
-    assert len(said) == 1 + len(names["env"].conditions)
-    assert re.fullmatch(r"wall 1, rank 1: least h \d\.\d+ m", said[1])
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "arrived: True"
+    assert len(printed) == 1 + len(names["env"].conditions)
+    assert re.fullmatch(r"wall 1, rank 1: least h \d\.\d+ m", printed[1])
     (shown,) = re.findall(r"reads `(.*?)`", read(ROOT / "README.md"))
-    assert shown in said
+    assert shown in printed
 
 
 def test_the_readmes_figure_is_that_of_the_certificate():
     figures = r"rank 1 in (\d+) of ([\d,]+) fresh episodes: at most ([\d.]+) %, with ([\d.]+) %"
-    said = re.search(figures, read(ROOT / "README.md"))
-    assert said
+    found = re.search(figures, read(ROOT / "README.md"))
+    assert found
     cart = json.loads(read(ROOT / "hcbf_gym/certificates/shipped/cart.json"))
     figures = [cart["entered"], cart["episodes"], 100 * cart["bound"], 100 * cart["confidence"]]
-    assert [float(one.replace(",", "")) for one in said.groups()] == pytest.approx(figures)
+    assert [float(one.replace(",", "")) for one in found.groups()] == pytest.approx(figures)
 
 
 def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
@@ -120,7 +120,7 @@ def test_the_environments_page_runs_and_its_scene_loads(tmp_path):
 def test_every_block_of_python_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for scene in blocks(page, "json"):
-        Path("scene.json").write_text(scene, encoding="utf-8")  # as the page says
+        Path("scene.json").write_text(scene, encoding="utf-8")  # as the page writes it
     names: dict = {}
     for block in blocks(page, "python"):
         exec(block, names)
@@ -208,7 +208,7 @@ HELP = (
 
 @pytest.fixture(autouse=True)
 def families(monkeypatch):
-    """A registry of its own for each test: pages register a family of the same name."""
+    """Another registry for each test: pages register a family of the same name."""
     monkeypatch.setattr(scenarios, "_FAMILIES", scenarios._FAMILIES.copy())
 
 
@@ -307,7 +307,7 @@ def test_every_extra_that_is_named_exists(page):
 
 
 @pytest.mark.parametrize("page", pages_with("```"), ids=named)
-def test_a_block_that_says_no_language_is_a_formula_or_a_drawing(page):
+def test_a_block_without_a_language_is_a_formula_or_a_drawing(page):
     text = read(page)
     parts = re.findall(r"^ *```(\w*)\n(.*?)^ *```$", text, flags=re.DOTALL | re.MULTILINE)
     for language, block in parts:
@@ -444,7 +444,7 @@ def test_every_result_is_shown_on_one_page_of_evidence_or_more():
 def test_every_page_of_evidence_shows_the_command_that_makes_it():
     for page in sorted((ROOT / "docs" / "evidence").glob("*.md")):
         made = set(re.findall(r"<!-- (?:results|awaits): ([\w-]+)/", read(page)))
-        told = "".join(blocks(page, "bash"))
-        missing = [name for name in made if f" --suite {name}\n" not in told]
+        shown = "".join(blocks(page, "bash"))
+        missing = [name for name in made if f" --suite {name}\n" not in shown]
         assert made, page.name
         assert not missing, f"{page.name}: {missing}"

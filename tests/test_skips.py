@@ -40,16 +40,16 @@ def run(folder, listed, tests, *options):
 
 @pytest.mark.parametrize("workers", ["0", "2"])
 def test_what_is_listed_may_be_skipped(tmp_path, workers):
-    code, said = run(tmp_path, LISTED, TESTS, "-n", workers, "--only-skips", "listed")
-    assert code == pytest.ExitCode.OK, said
-    assert "1 passed, 1 skipped" in said
+    code, printed = run(tmp_path, LISTED, TESTS, "-n", workers, "--only-skips", "listed")
+    assert code == pytest.ExitCode.OK, printed
+    assert "1 passed, 1 skipped" in printed
 
 
 @pytest.mark.parametrize(("other", "workers"), list(zip(OTHERS, ["0", "2", "2", "0"], strict=True)))
 def test_any_other_skip_fails_the_run_and_is_named(tmp_path, other, workers):
-    code, said = run(tmp_path, *OTHERS[other], "-n", workers, "--only-skips", "listed")
-    assert code == pytest.ExitCode.TESTS_FAILED, said
-    assert "not on the list" in said
+    code, printed = run(tmp_path, *OTHERS[other], "-n", workers, "--only-skips", "listed")
+    assert code == pytest.ExitCode.TESTS_FAILED, printed
+    assert "not on the list" in printed
 
 
 def test_what_was_skipped_before_can_be_run_alone(tmp_path):
@@ -58,9 +58,9 @@ def test_what_was_skipped_before_can_be_run_alone(tmp_path):
     (tmp_path / "test_file.py").write_text("def test_of_a_file():\n    pass\n")
     unskipped = TESTS.replace('@pytest.mark.skip(reason="no moon tonight")', "")
     options = "-n", "2", "--skipped-before", "--only-skips", "listed"
-    code, said = run(tmp_path, "", unskipped, *options)
-    assert code == pytest.ExitCode.OK, said
-    assert "2 passed" in said
+    code, printed = run(tmp_path, "", unskipped, *options)
+    assert code == pytest.ExitCode.OK, printed
+    assert "2 passed" in printed
 
 
 def test_without_a_list_anything_may_be_skipped(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.judges.certificate import Rationals, Stage, dot, minimiser
 from benchmarks.judges.exact import exactly, rational
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import choose
@@ -125,12 +126,16 @@ class Judge:
         """Return the problem that the doubles describe, with a program's weights."""
         a, b = input_set.halfspaces()
         low = input_set.vertices().min(axis=0) - 1.0
-        weight = program.prices.weights.of(rows.priority, rows.h)
+        table, prices = program.prices.weights[0], program.prices
+        ranked = zip(rows.priority.tolist(), rows.h.tolist(), strict=True)
+        weight = np.array([_core.row_weight(table, rank, h) for rank, h in ranked])
         strict = np.isinf(weight)
-        weight, least = np.where(strict, 1.0, weight), program.prices.least_slack(rows)
+        weight, least = np.where(strict, 1.0, weight), np.zeros(rows.b.shape)
+        if prices.known_offset and rows.alpha2_psi is not None:
+            least = np.where(rows.priority == 1, 0.0, np.maximum(0.0, -rows.alpha2_psi))
         region = Region(np.asarray(a, dtype=np.float64), exactly(b).tolist(), low, u_nominal)
         known = Rows(rows.a, rows.b, weight, least)
-        return cls(region, known, rows.priority, strict, float(program.prices.lambda_u))
+        return cls(region, known, rows.priority, strict, float(prices.lambda_u))
 
     def solve(self, name: str) -> Rationals:
         """Return the input (n,) that the program of that name hands back.

@@ -14,14 +14,13 @@ import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
 
-from hcbf_gym import guidance, scenarios
+from hcbf_gym import _core, guidance, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance.row import descent
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.wrappers import SafetyFilter
@@ -40,7 +39,7 @@ def field_picture(path: Path, scene: str = "random-clutter", seed: int = 10_004)
     points = [np.array(scenario.start)]
     while np.linalg.norm(points[-1] - goal) > 1e-9:
         x, y = points[-1]
-        points.append(np.array(descent(view, geometry, goal, x, y, geometry[2])))
+        points.append(np.array(_core.field_descent(view, geometry, goal, x, y, geometry[2])))
     x = geometry[0] + geometry[2] * np.arange(view.shape[1])
     y = geometry[1] + geometry[2] * np.arange(view.shape[0])
     figure, axes = plt.subplots(figsize=(8.0, 4.2))
@@ -65,7 +64,7 @@ def map_picture(path: Path, scene: str = "map-flat", seed: int = 3) -> None:
     points = [np.array(scenario.start)]
     while np.linalg.norm(points[-1] - goal) > 1e-9:
         x, y = points[-1]
-        points.append(np.array(descent(view, geometry, goal, x, y, geometry[2])))
+        points.append(np.array(_core.field_descent(view, geometry, goal, x, y, geometry[2])))
     cells = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in view.shape[::-1])), axis=-1)
     x, y = floor.grid.to_world(cells.reshape(-1, 2)).T.reshape(2, *view.shape)
     figure, axes = plt.subplots(figsize=(8.0, 6.0))

@@ -11,11 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from hcbf_gym import guidance, scenarios
+from hcbf_gym import _core, guidance, scenarios
 from hcbf_gym.drawing import palette
 from hcbf_gym.drawing.scene_plot import draw_map
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance.row import descent
 from hcbf_gym.scenarios import Scenario
 
 
@@ -50,9 +49,8 @@ def _field(axes: Axes, scenario: Scenario) -> None:
     axes.contour(x, y, seen, levels=np.arange(0.0, 30.0, 0.5), colors="0.4", linewidths=0.5)
     points = [np.array(scenario.start)]
     while np.linalg.norm(points[-1] - goal) > 1e-9 and len(points) < values.size:
-        points.append(
-            np.array(descent(values, geometry, goal, points[-1][0], points[-1][1], geometry[2]))
-        )
+        x, y = points[-1]
+        points.append(np.array(_core.field_descent(values, geometry, goal, x, y, geometry[2])))
     axes.plot(*np.array(points).T, color=palette.PATH, linewidth=2.0)
     axes.plot(*scenario.start, "o", color="white", markeredgecolor="black")
     axes.plot(*scenario.goal, "*", color="white", markeredgecolor="black", markersize=12)

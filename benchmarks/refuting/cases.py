@@ -17,7 +17,7 @@ from hcbf_gym.barriers import (
     LogClassK,
     RowSettings,
 )
-from hcbf_gym.barriers.rows import HELD, PSI, B
+from hcbf_gym.barriers.rows import PSI, B
 
 NUMBERS, LOOKS, CORNERS, WORST = 16, 24, 5, 60
 ROUNDING = 1e-9
@@ -128,7 +128,7 @@ def draw(rng: np.random.Generator, kind: str = "") -> Case:
 def rows(case: Case, x: Array, margin: Array, held: bool = True) -> tuple[Array, Array, Array]:
     """Return a (N, 2), b (N,) and ψ (N,) of compiled rows; `margin` is (3, N)."""
     n, settings = len(x), case.how.packed.copy()
-    settings[HELD] = held
+    settings[10] = held  # as `RowSettings.packed` has it
     kind, numbers = case.barriers.kind.repeat(n, 0), case.barriers.parameters.repeat(n, 0)
     a, out, reserved = np.empty((n, 1, 2)), np.empty((4, n, 1)), margin[:, :, None].copy()
     _core.planar_rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)

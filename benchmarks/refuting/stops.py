@@ -18,7 +18,7 @@ from benchmarks.refuting.cases import (
     value,
 )
 from hcbf_gym import _core
-from hcbf_gym.barriers import BarrierSet, RowSettings, margins
+from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.models.plant import Uncertainty
 
 
@@ -157,7 +157,7 @@ def growth(case: Case, z: Array) -> Array:
         out = np.zeros((4, *scenes.kind.shape))
         scene = scenes.kind, scenes.parameters
         _core.margins_reserved(numbers, *scene, x, *state, at(tau), g, span, out)
-        out[margins.MARGIN] += scenes.own_margin
+        out[0] += scenes.own_margin
         return out[:, :, 0]
 
     now = reserved(0.0)

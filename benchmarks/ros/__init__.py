@@ -1,1 +1,1 @@
-"""The node's evidence: its core with clocks of its own, and the node itself in real processes."""
+"""The node's evidence: its core with simulated clocks, and the node in real processes."""

@@ -1,4 +1,4 @@
-"""A node's core with clocks of its own, and a simulated cart that does what it is told."""
+"""A node's core with simulated clocks, and a simulated cart that follows its commands."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ from hcbf_robots.ros.sources import Beams
 from hcbf_robots.ros.watches import Now
 
 CART = {"max_forward": 1.0, "max_turn": 2.0, "look_ahead": 0.2, "reach": 0.3}
-"""Parameters of a cart that nobody has measured."""
+"""Parameters of an unmeasured cart."""
 SCAN = {"observation_sources": ["scan"], "scan.type": "scan", "scan.topic": "scan"}
 """Parameters of one scan."""
 HARDEST = 1.5, 4.0
@@ -31,18 +31,18 @@ class Drive:
     """Drives a cart through a core at 20 Hz.
 
     Args:
-        given: parameters; of no robot, they are those of `CART`.
+        given: parameters; without a robot's, they are those of `CART`.
         start: x, y [m] and yaw [rad].
         wanted: v_x, v_y [m/s] and ω [rad/s] of the planner.
 
     Attributes:
-        core: what is driven through.
+        core: the node's.
         now: the two clocks.
         pose: (3,) of the cart.
-        velocity: (2,) what it is told.
-        motion: (2,) what it does, as fast as its accelerations let it follow.
+        velocity: (2,) its command.
+        motion: (2,) its velocity, as fast as its accelerations let it follow.
         decisions: all, each with its time.
-        told: (2,) what the base does after each of them.
+        commands: (2,) the base's after each of them.
         speeds: of each tick [m/s].
     """
 
@@ -60,10 +60,9 @@ class Drive:
         self.motion: Array = np.zeros(2)
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []
-        self.told: list[Array] = []
+        self.commands: list[Array] = []
         self.speeds: list[float] = []
         self.ranges: Array = np.full(ANGLES.size, np.inf)
-        self.scans = "scan" in self.core.sources
 
     def run(
         self,
@@ -75,15 +74,9 @@ class Drive:
         clock: float = 1.0,
         each: Callable[[Self], Any] | None = None,
     ) -> Self:
-        """Go on for so long.
+        """Continue for so many seconds, with or without odometry, command and scan.
 
-        Args:
-            seconds: how long.
-            odometry: whether it is heard.
-            command: likewise.
-            scan: likewise.
-            clock: how fast the node's clock goes.
-            each: called in every tick, to say something else.
+        `clock` is the speed of the node's clock; `each` is called in every tick.
         """
         for _ in range(round(seconds / TICK)):
             self._move()
@@ -91,10 +84,10 @@ class Drive:
             self.now = Now(self.now.ros + clock * TICK, self.now.steady + TICK)
             if odometry and self.ticks % 2 == 0:
                 self.say_odometry()
-            if scan and self.scans and self.ticks % 10 == 0:
+            if scan and "scan" in self.core.sources and self.ticks % 10 == 0:
                 self.say_scan()
             if command and self.ticks % 5 == 0:
-                self.core.hear_command(self.wanted, self.now, self.now.ros)
+                self.say_command(self.wanted)
             if each is not None:
                 each(self)
             if self.ticks % 5 == 0:
@@ -102,12 +95,12 @@ class Drive:
         return self
 
     def _step(self) -> None:
-        """Ask the core, and do what it says; a base that hears nothing retains its velocity."""
+        """Follow the core's decision; a base without a message retains its command."""
         decision = self.core.step(self.now)
         self.decisions.append((self.now, decision))
         if decision.command is not None:
             self.velocity = decision.command
-        self.told.append(self.velocity)
+        self.commands.append(self.velocity)
         goal = self.core.goal_to_plan()
         if goal is not None:
             self.core.take(self.core.planned(goal))
@@ -120,6 +113,18 @@ class Drive:
         yaw = self.pose[2]
         self.pose = self.pose + TICK * np.array([v * math.cos(yaw), v * math.sin(yaw), w])
 
+    def stamp(self) -> float:
+        """Return now on the node's clock [s]."""
+        return self.now.ros
+
+    def set_back(self, seconds: float) -> None:
+        """Set the node's clock back."""
+        self.now = Now(self.now.ros - seconds, self.now.steady)
+
+    def say_command(self, wanted: ArrayLike, frame: str = "") -> None:
+        """Let the core hear a command (3,)."""
+        self.core.hear_command(wanted, self.now, self.now.ros, frame)
+
     def say_odometry(
         self,
         pose: ArrayLike | None = None,
@@ -127,7 +132,7 @@ class Drive:
         frame: str = "odom",
         twist: ArrayLike | None = None,
     ) -> None:
-        """Let the core hear the odometry, or something else."""
+        """Let the core hear the odometry, or another."""
         motion = self.twist if twist is None else twist
         when = self.now.ros if stamp is None else stamp
         place = self.pose if pose is None else pose
@@ -139,7 +144,7 @@ class Drive:
         stamp: float | None = None,
         frame: str = "base_footprint",
     ) -> None:
-        """Let the core hear the scan, or something else, as the node does."""
+        """Let the core hear the scan, or another, as the node does."""
         when = self.now.ros if stamp is None else stamp
         far = self.ranges if ranges is None else ranges
         beams = Beams(far, -math.pi, math.tau / np.size(far), 0.05, 10.0)
@@ -152,7 +157,7 @@ class Drive:
 
     @property
     def twist(self) -> ArrayLike:
-        """(3,) what the odometry says of its motion [m/s, rad/s]."""
+        """(3,) of the odometry [m/s, rad/s]."""
         return self.motion[0], 0.0, self.motion[1]
 
     @property

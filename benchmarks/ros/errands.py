@@ -8,7 +8,6 @@ import math
 import os
 import resource
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.judges.squares import distances
-from benchmarks.ros.drive import TICK, Drive
+from benchmarks.ros.drive import TICK
 from benchmarks.ros.ride import Planner, Ride, pursuit, write_map
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.errors import InvalidInputError
@@ -39,42 +38,19 @@ GIVEN_UP = 90.0
 
 
 class Errand(NamedTuple):
-    """What a long drive showed.
+    """What a long drive showed."""
 
-    Attributes:
-        seconds: simulated.
-        length: of the path [m].
-        apart: least distance of the circle that holds the robot from the true cells [m].
-        entered: ticks of the physics in which it overlapped one.
-        arrivals: at goals; `goals` were tried.
-        goals: likewise.
-        faults: decisions that were a fault, each with its number.
-        statuses: of the others.
-        slower: wall time of the last tenth over that of the second tenth.
-        grown: of the resident memory's peak, from the second tenth on [MB].
-        wall: seconds that it took.
-    """
-
-    seconds: float
-    length: float
-    apart: float
-    entered: int
+    length: float  # of the path [m]
+    apart: float  # least distance of the circle that holds the robot from the true cells [m]
+    entered: int  # ticks of the physics in which it overlapped one
     arrivals: int
-    goals: int
-    faults: dict[str, int]
-    statuses: dict[str, int]
-    slower: float
-    grown: float
-    wall: float
+    goals: int  # that were tried
+    messages: dict[str, int]  # of decisions, by their kind
+    grown: float  # the resident memory's peak, from the second tenth on [MB]
 
 
 class Room:
-    """A map, its true cells, and where is room.
-
-    Args:
-        file: a map server's YAML.
-        seed: of the draws.
-    """
+    """A map server's map, its true cells, and random free places."""
 
     def __init__(self, file: Path, seed: int):
         self.file = file
@@ -139,31 +115,24 @@ def drive(
     planner = (lambda pose: (0.0, 0.0, 0.0)) if friendly else hostile(room)
     d = Ride(planner, given, robot, map_file=room.file, start=start, seed=seed)
     d.run(0.2)
-    walls, peaks, begun = list[float](), list[float](), time.perf_counter()
-    faults, statuses = Counter[str](), Counter[str]()
+    peaks, kinds = list[float](), Counter[str]()
     least, entered, length = math.inf, 0, 0.0
     for tenth in range(10):
-        lap = time.perf_counter()
         while TICK * d.ticks < (tenth + 1) * seconds / 10.0:
-            arrived = math.dist(d.pose[:2], goal) < 0.35
-            elapsed = TICK * d.ticks
+            arrived, elapsed = math.dist(d.pose[:2], goal) < 0.35, TICK * d.ticks
             if friendly and (goals == 0 or arrived or elapsed - since > GIVEN_UP):
                 arrivals += arrived
                 goal, since, goals = _next(d, room), elapsed, goals + 1
                 d.planner = pursuit([goal], 0.8)
             d.run(1.0)
-            path = d.path
-            apart = distances(room.grid, room.shut, path[:, :2], 1.0) - d.reach
+            places = d.path[:, :2]
+            apart = distances(room.grid, room.shut, places, 1.0) - d.reach
             least, entered = min(least, float(apart.min())), entered + int((apart < 0.0).sum())
-            length += float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
-            _count(d, faults, statuses)
-        walls.append(time.perf_counter() - lap)
+            length += float(np.hypot(*np.diff(places, axis=0).T).sum())
+            kinds.update(one.message.split(": ")[0] for _, one in d.decisions[:-1])
+            del d.decisions[:-1], d.commands[:-1], d.speeds[:], d.robot.path[:-1]
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
-    wall = time.perf_counter() - begun
-    return Errand(
-        TICK * d.ticks, length, least, entered, arrivals, goals, dict(faults), dict(statuses),
-        walls[-1] / walls[1], peaks[-1] - peaks[1], wall,
-    )  # fmt: skip
+    return Errand(length, least, entered, arrivals, goals, dict(kinds), peaks[-1] - peaks[1])
 
 
 def _next(d: Ride, room: Room) -> tuple[float, float]:
@@ -175,16 +144,6 @@ def _next(d: Ride, room: Room) -> tuple[float, float]:
         except InvalidInputError:
             continue
         return goal
-
-
-def _count(d: Drive, faults: Counter[str], statuses: Counter[str]) -> None:
-    """Count what was decided, and let the drive forget it."""
-    for _, one in d.decisions[:-1]:
-        kind = one.says.split(":")[0]
-        (statuses if kind.isupper() else faults)[kind if kind.isupper() else one.says] += 1
-    del d.decisions[:-1], d.told[:-1], d.speeds[:]
-    assert isinstance(d, Ride)
-    del d.robot.path[:-1]
 
 
 def lines(quick: bool) -> Iterator[str]:
@@ -201,16 +160,10 @@ def lines(quick: bool) -> Iterator[str]:
             well = one.entered == 0 and (not friendly or one.arrivals >= 0.9 * (one.goals - 1))
             yield (
                 f"{'' if well else 'MISS '}{Path(robot).stem}, "
-                f"{'from goal to goal' if friendly else 'hostile'}, {file.stem}: "
-                f"{one.seconds:.0f} s in {one.wall:.0f} s, {one.length:.0f} m, rank 1 entered in "
-                f"{one.entered} ticks, {one.apart:+.3f} m at least"
-            )
-            if friendly:
-                yield f"   {one.arrivals} arrivals of {one.goals} goals (the last is under way)"
-            yield f"   statuses {one.statuses}, faults {one.faults}"
-            yield (
-                f"   last tenth over second tenth: {one.slower:.2f} of the time, "
-                f"{one.grown:+.1f} MB at the peak"
+                f"{'from goal to goal' if friendly else 'hostile'}, {file.stem}: {seconds:.0f} s, "
+                f"{one.length:.0f} m, rank 1 entered in {one.entered} ticks, {one.apart:+.3f} m at "
+                f"least, {one.arrivals} arrivals of {one.goals} goals (the last is under way), "
+                f"{one.grown:+.1f} MB; {one.messages}"
             )
 
 

@@ -1,7 +1,7 @@
 """Tests of Nav2 rebuilt from their rules, not from their code, on the node's core.
 
-The moving-obstacle trial and the behaviours are those of the collision monitor, the oracle of masks
-that of the costmap filters' system tests, the multiplexer's rule that of twist_mux.
+The moving-obstacle trial is the collision monitor's, the oracle of masks that of the costmap
+filters' system tests.
 """
 
 import math
@@ -12,14 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.ros.drive import SCAN, TICK, Drive
+from benchmarks.ros.drive import TICK, Drive
 from benchmarks.ros.ride import Ride, pursuit, write_map
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.errors import InvalidInputError
 from hcbf_robots.maps import nav2
 from hcbf_robots.maps.nav2 import Raster
-from hcbf_robots.ros.decisions import Action
-from hcbf_robots.ros.parameters import read
 from hcbf_robots.ros.sources import grid_of
 
 COMES, GOES, ENDS = 3.0, 8.0, 10.0
@@ -35,23 +32,16 @@ COSTMAP = {
 
 
 class Moving(NamedTuple):
-    """What one moving-obstacle trial showed; infinite where it never came.
+    """What one moving-obstacle trial showed; infinite where it never came."""
 
-    Attributes:
-        stop: from the cell's appearance until the robot stands [s].
-        hold: share of the time from then on until it goes in which the robot stands.
-        resume: from its disappearance until the robot drives [s].
-        false: share of the samples without the cell in which it stands.
-    """
-
-    stop: float
-    hold: float
-    resume: float
-    false: float
+    stop: float  # from the cell's appearance until the robot stands [s]
+    hold: float  # share of the time from then on until it goes in which the robot stands
+    resume: float  # from its disappearance until the robot drives [s]
+    false: float  # share of the samples without the cell in which it stands
 
     @property
     def is_well(self) -> bool:
-        """Whether the rule is kept."""
+        """Whether the rule is satisfied."""
         return self.stop <= 0.6 and self.hold >= 0.9 and self.resume <= 0.6 and self.false <= 0.05
 
 
@@ -103,67 +93,14 @@ def _lasting(times: Array, holds: Mask, since: float) -> float:
     return math.inf
 
 
-def behaviours() -> Iterator[tuple[str, bool]]:
-    """Yield the collision monitor's behaviours, and whether the node has them.
-
-    What is not active, and what publishes, is looked at through rclpy in `live`.
-    """
-    d = Drive(SCAN).run(1.0).run(2.0 + 0.05, scan=False)
-    yield (
-        "a source too old: stop, 'invalid source'",
-        not d.velocity.any() and (d.last.action, d.last.name) == (Action.STOP, "invalid source"),
-    )
-    d = Drive({**SCAN, "scan.source_timeout": 0.3}).run(1.0).run(0.25, scan=False)
-    fresh = d.velocity[0] > 0.1
-    d.run(0.15, scan=False)
-    yield "its own time-out", fresh and d.last.name == "invalid source"
-    d = Drive({**SCAN, "scan.source_timeout": 0.0}).run(1.0).run(5.0, scan=False)
-    yield "a time-out of 0: never stale", d.velocity[0] > 0.1
-    d = Drive({"enabled": False, **SCAN}).run(1.0, scan=False)
-    passed = d.velocity.tolist() == [0.4, 0.0]
-    d.core.enabled = True
-    d.run(0.1, scan=False)
-    yield "toggle: passes commands on, and filters again", passed and not d.velocity.any()
-    d = Drive().run(1.0)
-    d.wanted, begun = (0.0, 0.0, 0.0), d.now.steady
-    d.run(3.0)
-    told = [now.steady - begun for now, one in d.decisions if one.command is not None]
-    yield "ceases to publish stop_pub_timeout after zero", 0.95 <= max(told) <= 1.0 + 0.5
-    d.wanted = (0.4, 0.0, 0.0)
-    yield "and begins again", d.run(0.1).last.command is not None
-    d = Drive({**SCAN, "scan.enabled": False}).run(1.0, scan=False)
-    yield "a source that is not enabled: does not count", d.velocity[0] > 0.1
-    try:
-        read({"robot": "cart", **SCAN, "scan.type": "sonar"})
-        says = ""
-    except InvalidInputError as error:
-        says = str(error)
-    yield "an unknown type: refused by its name", "scan.type" in says and "sonar" in says
-    d = Drive().run(1.0)
-    yield "no sources: commands pass", bool(np.allclose(d.velocity, [0.4, 0.0]))
-    d = Drive(SCAN).run(1.0)
-    before = d.velocity[0]
-    d.run(0.2, command=False, each=lambda d: d.core.hear_command([np.nan] * 3, d.now, d.now.ros))
-    yield "a command that is NaN: zero", before > 0.1 and not d.velocity.any()
-
-
 class Masks(NamedTuple):
-    """What a drive through masks showed.
-
-    Attributes:
-        arrived: whether the robot did.
-        lethal: poses whose cell of the keepout mask is lethal.
-        order: limits of the speed mask on the way [%], each as often as it begins.
-        kept: the same of the limits that the robot kept.
-        excess: by which it was faster than the limit under it, .5 s after it came there [m/s].
-        poses: how many there are.
-    """
+    """What a drive through masks showed."""
 
     arrived: bool
-    lethal: int
-    order: list[int]
-    kept: list[int]
-    excess: float
+    lethal: int  # poses whose cell of the keepout mask is lethal
+    order: list[int]  # limits of the speed mask on the path [%], each as often as it begins
+    kept: list[int]  # the same of the limits that were satisfied
+    excess: float  # of the speed over the limit, from 0.5 s after its begin on [m/s]
     poses: int
 
 
@@ -224,30 +161,6 @@ def masks(speed: float = 0.9) -> Masks:
     return Masks(near, int((lethal >= 100).sum()), order, kept, excess, len(rows))
 
 
-MUX_TIMEOUT = 0.5
-"""Of each input of twist_mux [s]."""
-
-
-def hands_over(seed: int) -> float:
-    """Return how long after the node's silence a joystick of lower priority is heard [s].
-
-    The multiplexer takes the input of the highest priority that was heard within its time-out.
-    """
-    rng = np.random.default_rng([37, seed])
-    d = Drive(wanted=(rng.uniform(0.2, 0.9), 0.0, 0.0))
-    d.run(1.0 + TICK * float(rng.integers(20)))
-    heard: list[float] = []
-
-    def mux(d: Drive) -> None:
-        spoke = max(now.steady for now, one in d.decisions if one.command is not None)
-        if d.now.steady - spoke > MUX_TIMEOUT:
-            heard.append(d.now.steady - spoke)
-
-    d.run(4.0, command=False, each=mux)
-    silent = d.decisions[-1][1].command is None
-    return heard[0] if heard and silent else math.inf
-
-
 def lines(quick: bool) -> Iterator[str]:
     """Yield what the suites show."""
     trials = [moving_obstacle(seed) for seed in range(2 if quick else 20)]
@@ -260,18 +173,10 @@ def lines(quick: bool) -> Iterator[str]:
         f"{stop.max():.2f} s, hold {100 * hold.min():.0f} %, resume {resume.max():.2f} s, false "
         f"stops {100 * false.max():.0f} % at worst"
     )
-    for name, holds in behaviours():
-        yield f"{'' if holds else 'MISS '}{name}: {'yes' if holds else 'no'}"
     one = masks()
     well = one.arrived and one.lethal == 0 and one.kept == one.order
     yield (
         f"{'' if well else 'MISS '}masks: arrived {one.arrived}, {one.lethal} of {one.poses} poses "
         f"on a lethal cell, limits {one.order} %, kept {one.kept} %, at most {one.excess:+.3f} m/s "
         "above one .5 s after it began"
-    )
-    times = [hands_over(seed) for seed in range(3 if quick else 100)]
-    well = max(times) <= MUX_TIMEOUT + 2 * TICK
-    yield (
-        f"{'' if well else 'MISS '}multiplexer: hands over {max(times):.2f} s after the node's "
-        f"last word at most, of {len(times)}"
     )

@@ -3,13 +3,12 @@
     python -m benchmarks.ros.latency [minutes] [hostile] [robot]
 
 Commands at 50 Hz, Nav2's depot ($HCBF_DATA/maps/depot.yaml) and a scan of 360 beams at 10 Hz: a
-planner that knows no wall goes to and fro across it, and guidance leads; or a hostile one drives at
-what stands nearest. The node is `hcbf ros` in a process of its own, which also notes what its other
-threads did meanwhile; the simulated robot's path is judged by the map's true squares.
+planner without a map drives to and fro across it, and guidance leads; or a hostile one drives at
+the nearest obstacle. The node is `hcbf ros` in another process, which also notes the jobs of its
+other threads; the simulated robot's path is judged by the map's true squares.
 """
 # pyright: reportMissingImports=false
 
-import gc
 import json
 import math
 import os
@@ -47,23 +46,18 @@ SETTLED = 5.0
 
 
 def node(parameters: Path, notes: Path) -> None:
-    """Run the node, and write when commands came, how long they took, and what else was done."""
+    """Run the node, and write when commands came, how long they took, and which jobs ran."""
     from hcbf_robots.ros import node as nodes
     from hcbf_robots.ros import reporting, worker
 
-    taken: list[tuple[float, float]] = []
-    own: list[float] = []
-    spans: list[tuple[str, float, float]] = []
-    note, put = reporting.Reporter.note, worker.Worker.put
-
+    found: dict[str, list[Any]] = {"taken": [], "own": [], "spans": []}
+    note, put, heard = reporting.Reporter.note, worker.Worker.put, nodes.FilterNode._on_command
     begun = [0.0]
 
     def noted(self: Any, latency: float) -> None:
-        own.append(time.thread_time() - begun[0])
-        taken.append((time.perf_counter(), latency))
+        found["own"].append(time.thread_time() - begun[0])
+        found["taken"].append((time.perf_counter(), latency))
         note(self, latency)
-
-    heard = nodes.FilterNode._on_command
 
     def watched(self: Any, message: Any) -> None:
         begun[0] = time.thread_time()
@@ -71,30 +65,19 @@ def node(parameters: Path, notes: Path) -> None:
 
     def timed(self: Any, name: str, job: Callable[[], None]) -> None:
         def whole() -> None:
-            begun = time.perf_counter()
+            since = time.perf_counter()
             try:
                 job()
             finally:
-                spans.append((name, begun, time.perf_counter()))
+                found["spans"].append((name, since, time.perf_counter()))
 
         put(self, name, whole)
 
-    def collected(phase: str, info: dict[str, int]) -> None:
-        if phase == "start":
-            spans.append((f"gc {info['generation']}", time.perf_counter(), math.inf))
-        else:
-            name, since, _ = spans.pop(
-                next(k for k in range(len(spans) - 1, -1, -1) if spans[k][0].startswith("gc"))
-            )
-            spans.append((name, since, time.perf_counter()))
-
     reporting.Reporter.note, worker.Worker.put = noted, timed  # type: ignore[method-assign]
     nodes.FilterNode._on_command = watched  # type: ignore[method-assign]
-    gc.callbacks.append(collected)
     sys.argv = sys.argv[:1]
     nodes.spin(ros_arguments(parameters), autostart=True)
-    noted_all = {"taken": taken, "own": own, "spans": spans}
-    notes.write_text(json.dumps(noted_all), encoding="utf-8")
+    notes.write_text(json.dumps(found), encoding="utf-8")
 
 
 def main(minutes: float, robot: str, *, friendly: bool) -> None:
@@ -135,7 +118,7 @@ def main(minutes: float, robot: str, *, friendly: bool) -> None:
     rclpy.try_shutdown()
     loads = watched.loads
     print(f"load {np.median(loads):.1f} in the median, {max(loads):.1f} at most")
-    print(f"the node's last word: {planner.says}")
+    print(f"the node's last message: {planner.message}")
     _show(found, watched.sizes)
 
 
@@ -213,7 +196,7 @@ def _resident(process: int) -> float:
 
 
 def _show(found: dict[str, Any], sizes: list[float]) -> None:
-    """Print the distribution, the longest with what was done beside, and the memory."""
+    """Print the distribution, the longest with the jobs beside them, and the memory."""
     ends, taken = np.array(found["taken"]).T
     first, settled = ends[0], ends > ends[0] + SETTLED
     ends, taken, own = ends[settled], 1e3 * taken[settled], 1e3 * np.array(found["own"])[settled]
@@ -228,7 +211,7 @@ def _show(found: dict[str, Any], sizes: list[float]) -> None:
         }  # fmt: skip
         print(f"  {taken[k]:.2f} ms, {own[k]:.2f} of them its own, at {end - first:.1f} s, beside "
               f"{sorted(beside) or 'nothing'}")  # fmt: skip
-    for what in ("laser", "walls", "field", "gc 2"):
+    for what in ("laser", "walls", "field"):
         spans = [1e3 * (until - since) for name, since, until in found["spans"] if name == what]
         if spans:
             print(f"  {what}: {len(spans)} times, median {np.median(spans):.1f}, "

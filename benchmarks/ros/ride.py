@@ -15,23 +15,19 @@ from hcbf_robots.ros.robot import SimulatedRobot
 from hcbf_robots.walkers import Walker
 
 Planner = Callable[[Array], tuple[float, float, float]]
-"""(x, y, yaw) → the velocity that it wants [m/s, rad/s]; it knows nothing of the filter."""
+"""(x, y, yaw) → its command [m/s, rad/s]; it ignores the filter."""
 
 
 class Ride(Drive):
     """Drives the simulated robot through a core, as `Drive` does a cart without physics.
 
     Args:
-        planner: what it wants.
+        planner: of the commands.
         given: parameters beside the robot's.
         robot: a contract's name.
-        map_file: what the scan sees.
+        map_file: of the scan.
         start: x, y [m] and yaw [rad].
         seed: of the scan's noise.
-
-    Attributes:
-        robot: which drives.
-        reach: radius of the circle that holds it [m].
     """
 
     def __init__(
@@ -58,12 +54,12 @@ class Ride(Drive):
     def _step(self) -> None:
         super()._step()
         if self.last.command is not None:
-            told = self.velocity
-            self.robot.tell(told if len(told) == 3 else (told[0], 0.0, told[1]))
+            v = self.velocity
+            self.robot.command(v if len(v) == 3 else (v[0], 0.0, v[1]))
 
     @property
     def twist(self) -> Array:
-        """(3,) what the odometry says of its motion [m/s, rad/s]."""
+        """(3,) of the odometry [m/s, rad/s]."""
         return self.robot.twist
 
     def say_scan(
@@ -72,7 +68,7 @@ class Ride(Drive):
         stamp: float | None = None,
         frame: str = "base_footprint",
     ) -> None:
-        """Let the core hear what the robot's scan sees, or something else."""
+        """Let the core hear the robot's scan, or another."""
         super().say_scan(self.robot.scan() if ranges is None else ranges, stamp, frame)
 
     @property

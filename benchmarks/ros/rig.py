@@ -18,50 +18,52 @@ from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import Point32, PolygonStamped, TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import LaserScan
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
+from hcbf_gym.arrays import Array
+from hcbf_robots.ros import messages
+from hcbf_robots.ros.running import LATCHED, SENSOR
+
 ALONE = {
     "ROS_LOCALHOST_ONLY": "1",
     "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
 }
-"""Nobody else hears these processes."""
+"""No other process hears these."""
 PERIOD, SLACK = 0.05, 0.1
 """The node's, and what messages and a busy machine may take besides [s]."""
 
 
 class Planner(Node):
-    """Publishes what it wants, and remembers what the node says.
+    """Publishes commands, and remembers the node's messages.
 
     Args:
-        period: of what it publishes [s].
+        period: of the commands [s].
 
     Attributes:
         wants: (v, ω) now [m/s, rad/s]; None publishes nothing.
-        told: (time on the steady clock, v, ω) of each message on cmd_vel.
+        given: (time on the steady clock, v, ω) of each message on cmd_vel.
         heard: called with each diagnostic.
     """
 
     def __init__(self, period: float = PERIOD) -> None:
         super().__init__("planner")
         self.wants: Callable[[], tuple[float, float]] | None = None
-        self.frame = "base_footprint"
-        self.told: list[tuple[float, float, float]] = []
+        self.given: list[tuple[float, float, float]] = []
         self.counts: dict[str, int] = {}
         self.heard: Callable[[str], Any] = str
-        self.says, self.state, self.pose = "", "", np.zeros(3)
+        self.message, self.state, self.pose = "", "", np.zeros(3)
         self.base: Base | None = None
         self._velocity = self.create_publisher(TwistStamped, "cmd_vel_smoothed", 10)
         self._guest = self.create_publisher(PolygonStamped, "guest", 10)
-        self.create_subscription(TwistStamped, "cmd_vel", self._on_told, 10)
-        self.create_subscription(Odometry, "odom", self._on_odometry, qos_profile_sensor_data)
+        self.create_subscription(TwistStamped, "cmd_vel", self._on_velocity, 10)
+        self.create_subscription(Odometry, "odom", self._on_odometry, SENSOR)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.create_subscription(KeyValue, "hcbf_state", self._on_state, 10)
         for kind, topic in ((MarkerArray, "markers"), (DiagnosticArray, "report")):
@@ -78,38 +80,38 @@ class Planner(Node):
     def _count(self, name: str, message: Any = None) -> None:
         self.counts[name] = self.counts.get(name, 0) + 1
 
-    def _on_told(self, message: Any) -> None:
+    def _on_velocity(self, message: Any) -> None:
         v, w = message.twist.linear.x, message.twist.angular.z
-        self.told.append((time.monotonic(), v, w))
+        self.given.append((time.monotonic(), v, w))
         if self.base is not None:
             self.base.velocity = v, w
 
     def _on_odometry(self, message: Any) -> None:
-        at, turned = message.pose.pose.position, message.pose.pose.orientation
-        self.pose = np.array([at.x, at.y, 2.0 * math.atan2(turned.z, turned.w)])
+        self.pose = messages.pose_of(message.pose.pose)
 
     def _on_diagnostics(self, message: Any) -> None:
         self._count("diagnostics")
-        self.says = message.status[0].message
-        self.heard(self.says)
+        self.message = message.status[0].message
+        self.heard(self.message)
 
     def _on_state(self, message: Any) -> None:
         self._count("state")
         self.state = message.value
 
     def _drive(self) -> None:
-        if self.wants is not None:
-            self.say(self.wants())
+        if self.wants is not None and (self.base is None or self.base.without != "command"):
+            v, w = self.wants()
+            self.say((v, 0.0, w))
 
-    def say(self, wanted: tuple[float, float]) -> None:
-        """Publish a velocity."""
+    def say(self, wanted: Any, frame: str = "base_footprint") -> None:
+        """Publish a velocity (3,)."""
         message = TwistStamped()
-        message.header.stamp, message.header.frame_id = self.stamp(), self.frame
-        message.twist.linear.x, message.twist.angular.z = wanted
+        message.header.stamp, message.header.frame_id = self.stamp(), frame
+        messages.write_twist(wanted, message.twist)
         self._velocity.publish(message)
 
     def spin(self, seconds: float, until: Callable[[], Any] = lambda: False) -> bool:
-        """Go on for so long at most; return whether what was waited for has come."""
+        """Continue for so long at most; return whether `until` holds."""
         ends = time.monotonic() + seconds
         while time.monotonic() < ends:
             if until():
@@ -117,8 +119,8 @@ class Planner(Node):
             rclpy.spin_once(self, timeout_sec=0.01)
         return bool(until())
 
-    def ask(self, client: Any, request: Any) -> Any:
-        """Return what a service answers."""
+    def request(self, client: Any, request: Any) -> Any:
+        """Return a service's answer."""
         assert client.wait_for_service(30.0)
         answer = client.call_async(request)
         assert self.spin(60.0, answer.done)
@@ -127,7 +129,7 @@ class Planner(Node):
     def change(self, transition: int) -> bool:
         """Change the node's state; return whether it did."""
         request = ChangeState.Request(transition=Transition(id=transition))
-        return bool(self.ask(self._change, request).success)
+        return bool(self.request(self._change, request).success)
 
     def show(self, corners: Any) -> None:
         """Let the guest come, move or go."""
@@ -137,103 +139,131 @@ class Planner(Node):
         self._guest.publish(message)
 
     def moving(self) -> bool:
-        """Return whether the last message on cmd_vel was recent, and no zero."""
-        recent = bool(self.told) and self.told[-1][0] > time.monotonic() - 0.2
-        return recent and any(self.told[-1][1:])
+        """Return whether the last message on cmd_vel was recent, and not zero."""
+        recent = bool(self.given) and self.given[-1][0] > time.monotonic() - 0.2
+        return recent and any(self.given[-1][1:])
 
     def stops(self, within: float, reason: str) -> str:
-        """Return "" where zero is told in time and stays, with its reason; else what was wrong."""
+        """Return "" where zero comes in time and remains, with its reason; else what was wrong."""
         begun = time.monotonic()
         self.spin(within + PERIOD + SLACK + 0.3)
-        told = [one for one in self.told if one[0] > begun]
-        zero = next((k for k, one in enumerate(told) if not any(one[1:])), None)
+        given = [one for one in self.given if one[0] > begun]
+        zero = next((k for k, one in enumerate(given) if not any(one[1:])), None)
         if zero is None:
             return "never zero"
-        late = told[zero][0] - begun
+        late = given[zero][0] - begun
         if late > within + PERIOD + SLACK:
             return f"zero after {late:.2f} s"
-        if any(any(one[1:]) for one in told[zero:]):
+        if any(any(one[1:]) for one in given[zero:]):
             return "moves again"
-        return "" if reason in self.says else f"says {self.says!r}"
+        return "" if reason in self.message else f"reports {self.message!r}"
 
 
 class Base:
-    """Odometry and a free scan of a robot that does what it is told, in the planner's process.
+    """Odometry, a free scan and an empty map of a robot that follows commands (a `faults.Rig`).
 
     Args:
-        node: that publishes.
+        planner: in whose process it is.
         clock: where the robot's clock begins, which it publishes on /clock [s]; None: the wall's.
 
     Attributes:
-        velocity: (v, ω) that it was told last.
+        velocity: (v, ω) of the last command.
         pose: x, y [m] and yaw [rad].
-        odometry: whether it is published; `scan` likewise.
+        without: the missing messages: "odometry", "scan", "map" or "command".
         tamper: called in every tick, to publish something else.
-        rate: how fast its clock goes.
+        rate: speed of its clock.
         longest: time between two ticks [s].
     """
 
-    def __init__(self, node: Planner, clock: float | None = None):
-        self._node, self.pose, self.velocity = node, node.pose.copy(), (0.0, 0.0)
-        self.odometry = self.scan = True
-        self.tamper: Callable[[], None] = lambda: None
+    def __init__(self, planner: Planner, clock: float | None = None):
+        self.planner, self.pose, self.velocity = planner, planner.pose.copy(), (0.0, 0.0)
+        self.without = ""
+        self.tamper: Callable[[], Any] = lambda: None
         self.clock, self.rate, self.longest = clock, 1.0, 0.0
-        self._odometry = node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
-        self._scan = node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
+        self._odometry = planner.create_publisher(Odometry, "odom", SENSOR)
+        self._scan = planner.create_publisher(LaserScan, "scan", SENSOR)
         if clock is not None:
-            self._clock = node.create_publisher(ClockMessage, "/clock", qos_profile_sensor_data)
+            self._clock = planner.create_publisher(ClockMessage, "/clock", SENSOR)
+            self._map = planner.create_publisher(OccupancyGrid, "map", LATCHED)
         self._last, self.ticks = time.monotonic(), 0
-        node.create_timer(0.02, self._tick)
+        planner.create_timer(0.02, self._tick)
 
     def stamp(self) -> Any:
         """Return now in ROS's form, on its clock."""
         if self.clock is None:
-            return self._node.get_clock().now().to_msg()
+            return self.planner.get_clock().now().to_msg()
         return Time(nanoseconds=round(1e9 * self.clock)).to_msg()
+
+    def set_back(self, seconds: float) -> None:
+        """Set its clock back."""
+        assert self.clock is not None
+        self.clock -= seconds
+
+    @property
+    def twist(self) -> tuple[float, float, float]:
+        """(3,) of the odometry [m/s, rad/s]."""
+        return self.velocity[0], 0.0, self.velocity[1]
+
+    @property
+    def wanted(self) -> tuple[float, float, float]:
+        """(3,) the planner's command [m/s, rad/s]."""
+        v, w = self.planner.wants() if self.planner.wants is not None else (0.0, 0.0)
+        return v, 0.0, w
 
     def _tick(self) -> None:
         now, (v, w) = time.monotonic(), self.velocity
         seconds, self._last = now - self._last, now
         self.longest = max(self.longest, seconds)
-        x, y, yaw = self.pose
-        self.pose = np.array(
-            [x + seconds * v * math.cos(yaw), y + seconds * v * math.sin(yaw), yaw + seconds * w]
-        )
+        yaw = self.pose[2]
+        self.pose = self.pose + seconds * np.array([v * math.cos(yaw), v * math.sin(yaw), w])
         self.ticks += 1
         if self.clock is not None:
             self.clock += self.rate * seconds
             self._clock.publish(ClockMessage(clock=self.stamp()))
-        if self.odometry:
+            if self.without != "map" and self.ticks % 15 == 0:
+                self._say_map()
+        if self.without != "odometry":
             self.say_odometry()
-        if self.scan and self.ticks % 5 == 0:
+        if self.without != "scan" and self.ticks % 5 == 0:
             self.say_scan()
         self.tamper()
 
+    def say_command(self, wanted: Any, frame: str = "base_footprint") -> None:
+        """Publish a command (3,)."""
+        self.planner.say(wanted, frame)
+
     def say_odometry(
-        self, pose: Any = None, twist: Any = None, stamp: Any = None, frame: str = "odom"
+        self, pose: Any = None, stamp: Any = None, frame: str = "odom", twist: Any = None
     ) -> None:
-        """Publish where it is, and (v, ω), or something else."""
+        """Publish pose and twist (3,), or others."""
         message = Odometry(child_frame_id="base_footprint")
         message.header.stamp, message.header.frame_id = stamp or self.stamp(), frame
-        place, motion = message.pose.pose, message.twist.twist
-        x, y, yaw = map(float, self.pose if pose is None else pose)
-        place.position.x, place.position.y = x, y
-        place.orientation.z, place.orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
-        motion.linear.x, motion.angular.z = self.velocity if twist is None else twist
+        messages.write_pose(np.asarray(self.pose if pose is None else pose), message.pose.pose)
+        messages.write_twist(
+            np.asarray(self.twist if twist is None else twist), message.twist.twist
+        )
         self._odometry.publish(message)
 
     def say_scan(
-        self, far: float = math.inf, stamp: Any = None, frame: str = "base_footprint"
+        self, ranges: Any = None, stamp: Any = None, frame: str = "base_footprint"
     ) -> None:
-        """Publish a scan of which each beam has the same range [m]."""
-        beams = scan_of(far)
+        """Publish a scan that sees nothing, or another."""
+        beams = scan_of(np.full(60, np.inf) if ranges is None else ranges)
         beams.header.stamp, beams.header.frame_id = stamp or self.stamp(), frame
         self._scan.publish(beams)
 
+    def _say_map(self) -> None:
+        message = OccupancyGrid(data=[0] * 40_000)
+        message.header.stamp, message.header.frame_id = self.stamp(), "odom"
+        message.info.resolution, message.info.width, message.info.height = 0.1, 200, 200
+        message.info.origin.position.x = message.info.origin.position.y = -10.0
+        self._map.publish(message)
 
-def scan_of(far: float) -> LaserScan:
-    """Return a scan all around of which each beam has the same range [m]."""
-    return LaserScan(angle_max=5.9, angle_increment=0.1, range_max=10.0, ranges=[far] * 60)
+
+def scan_of(ranges: Array) -> LaserScan:
+    """Return a scan all around of such ranges [m]."""
+    last = 0.1 * (len(ranges) - 1)
+    return LaserScan(angle_max=last, angle_increment=0.1, range_max=10.0, ranges=ranges.tolist())
 
 
 @contextlib.contextmanager

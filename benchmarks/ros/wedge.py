@@ -1,7 +1,7 @@
-"""Who gets out: starts between obstacles and inside zones, zones that appear around the robot.
+"""Starts between obstacles and inside zones, zones that appear around the robot: time until out.
 
-Beside the node drives a rule that was written for the comparison: it passes the planner's velocity
-on and stops while the robot touches a zone, as a monitor with stop zones does.
+For comparison a rule passes the planner's velocity, and stops while the robot touches a zone, as a
+monitor with stop zones does.
 """
 
 import math
@@ -21,9 +21,9 @@ from hcbf_robots.walkers import Walker
 
 Corners = list[tuple[float, float]]
 STILL, LONGEST_STILL = (0.02, 0.15), 1.0
-"""A robot that stays within them stands [m, rad], if it turns to and fro, too; and how long [s]."""
+"""A robot within them is at rest [m, rad], also if it turns to and fro; and for how long [s]."""
 SPARE = 3.0
-"""What the way out may take beside the way and the turn [s]."""
+"""Time beside that of the path and the turn [s]."""
 DEEP = 0.5
 """From the start between obstacles to their mouth [m]."""
 SPEED = 0.6
@@ -32,45 +32,26 @@ KINDS = ("between obstacles", "inside a zone", "a zone appears")
 
 
 class Scene(NamedTuple):
-    """Where a robot is, and what is around it.
+    """Where a robot is, and what is around it."""
 
-    Attributes:
-        kind: of `KINDS`.
-        robot: a contract's name.
-        rank: of the zones.
-        start: x, y [m] and yaw [rad].
-        goal: of the planner and of guidance [m].
-        zones: corners of each.
-        comes: when they do [s].
-        mouth: where the way out between obstacles leads [rad]; None for the zone's nearest edge.
-    """
-
-    kind: str
-    robot: str
-    rank: int
-    start: Array
-    goal: tuple[float, float]
+    kind: str  # of `KINDS`
+    robot: str  # a contract's name
+    rank: int  # of the zones
+    start: Array  # x, y [m] and yaw [rad]
+    goal: tuple[float, float]  # of the planner and of guidance [m]
     zones: list[Corners]
-    comes: float
-    mouth: float | None
+    comes: float  # when they do [s]
+    mouth: float | None  # direction out of the obstacles [rad]; None for the zone's nearest edge
 
 
-class Way(NamedTuple):
-    """How a robot got out.
+class Exit(NamedTuple):
+    """How a robot got out."""
 
-    Attributes:
-        out: after which it touched no zone any more, from their appearance on [s].
-        allowed: the time for that [s].
-        still: the longest time for which it stood before the goal [s].
-        led: whether guidance found a way; else it may stand.
-        arrived: whether it reached the goal within a minute.
-    """
-
-    out: float
-    allowed: float
-    still: float
-    led: bool
-    arrived: bool
+    out: float  # after which it touched no zone any more, from their appearance on [s]
+    allowed: float  # the time for that [s]
+    still: float  # the longest time at rest before the goal [s]
+    led: bool  # whether guidance found a path; else it may stand
+    arrived: bool  # at the goal within a minute
 
     @property
     def is_well(self) -> bool:
@@ -116,7 +97,7 @@ def left(zones: list[Corners], place: Array) -> tuple[float, Array]:
     return float(least.h), least.gradient[:2]
 
 
-def drive(one: Scene) -> Way:
+def drive(one: Scene) -> Exit:
     """Drive a scene with the node, guidance on, for a minute at most."""
     names = [f"zone{k}" for k in range(len(one.zones))]
     given: dict[str, object] = {"observation_sources": names, "guidance": "geodesic"}
@@ -144,7 +125,7 @@ def drive(one: Scene) -> Way:
         if math.hypot(x, y) > STILL[0] or abs(math.remainder(yaw, math.tau)) > STILL[1]:
             since, stood = d.ticks, d.pose
         longest = max(longest, d.ticks - since)
-    return Way(out, allowed, TICK * longest, led, math.dist(d.pose[:2], one.goal) <= 0.35)
+    return Exit(out, allowed, TICK * longest, led, math.dist(d.pose[:2], one.goal) <= 0.35)
 
 
 def _plan(d: Ride, goal: tuple[float, float]) -> bool:
@@ -186,7 +167,7 @@ def drive_by_rule(one: Scene) -> bool:
             moved, begun = robot.pose[:2] - one.start[:2], robot.time
             zones = [[(x + moved[0], y + moved[1]) for x, y in corners] for corners in one.zones]
         touches = zones and left(zones, robot.pose)[0] < reach
-        robot.tell((0.0, 0.0, 0.0) if touches else planner(robot.pose))
+        robot.command((0.0, 0.0, 0.0) if touches else planner(robot.pose))
         robot.run(0.05)
         if zones and robot.time > begun and _is_out(one, zones, robot.pose, reach):
             return True
@@ -194,7 +175,7 @@ def drive_by_rule(one: Scene) -> bool:
 
 
 def lines(quick: bool) -> Iterator[str]:
-    """Yield who got out."""
+    """Yield how many got out."""
     for kind in KINDS:
         for robot in ("cart", "holonomic-cart"):
             for rank in (1,) if kind == KINDS[0] else (1, 2, 3):

@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.strict import pushed, search
 from benchmarks.strict.lines import LINES
-from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.attacked import Outcome
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
@@ -65,7 +65,7 @@ def outcomes(
         title: of a progress bar; none is shown without one.
     """
     run = type(episodes[0]).run
-    return chunks.in_order(chunks.Runs(folder).over(run, episodes, title, reads))
+    return in_order(Runs(folder).over(run, episodes, title, reads))
 
 
 def summary(seen: Sequence[Outcome]) -> Group:

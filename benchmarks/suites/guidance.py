@@ -13,7 +13,7 @@ import joblib
 import numpy as np
 from rich.progress import track
 
-from hcbf_gym import guidance, policies, scenarios
+from hcbf_gym import _core, guidance, policies, scenarios
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
@@ -22,7 +22,6 @@ from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_sha
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
@@ -299,7 +298,7 @@ def cost(quick: bool) -> list[dict[str, Any]]:
         rows = []
         for _ in range(5 if quick else 30):
             begun = time.thread_time()
-            guidance_row.rows(field, geometry, goal, x, way.pull, out)
+            _core.guidance_rows(field, geometry, goal, x, way.pull, out)
             rows.append((time.thread_time() - begun) / many)
         figures.append(
             {

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from benchmarks import random_conflicts
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation import chunks
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
@@ -80,7 +80,7 @@ def compare(args: Args) -> list[dict[str, Any]]:
         )
     for program in args.programs:
         choose("program", program, random_conflicts.PROGRAMS)
-    runs = chunks.Runs(args.output / "chunks", args.workers, args.backend)
+    runs = Runs(args.output / "chunks", args.workers, args.backend)
     runs.check()
     open_folder(args.output, {"seed": args.seed, "chunk": args.chunk})
     starts = range(0, args.episodes, args.chunk)
@@ -90,7 +90,7 @@ def compare(args: Args) -> list[dict[str, Any]]:
         for rows, policy, program in kinds
         for start in starts
     ]
-    outcomes = chunks.in_order(runs.over(random_conflicts.run, jobs, "chunks"))
+    outcomes = in_order(runs.over(random_conflicts.run, jobs, "chunks"))
     results = []
     for k, (rows, policy, program) in enumerate(kinds):
         mine = range(k * len(starts), (k + 1) * len(starts))

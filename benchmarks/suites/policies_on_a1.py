@@ -16,7 +16,7 @@ from benchmarks.suites.learned_policies import (
     tables,
 )
 from hcbf_gym.arrays import Array
-from hcbf_gym.evaluation.chunks import Runs, in_order
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case
 
 __all__ = ["run", "tables"]
@@ -40,7 +40,7 @@ def a1_cell(name: str, label: str, episodes: int) -> dict[str, Any]:
     case = Case("HCBF-A1Regions-v0", SCENARIO, name, program, options)
     m = len(PRIORITY)
     seeds = range(FIRST_SEED, FIRST_SEED + episodes)
-    summaries = in_order(Runs(KEPT).over(functools.partial(_summary, case), seeds, size=10))
+    summaries = in_order(Runs(KEPT).over(functools.partial(_summary, case), seeds))
     least: Array = np.array([summary["min_h"] for summary in summaries])
     inside = np.array([summary["violation_seconds"] for summary in summaries])
     figures = figures_of(

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.tables import Table
 from hcbf_lab.reproduction import FIGURES
 from hcbf_lab.reproduction.command import reproduce

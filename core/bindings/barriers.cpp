@@ -186,7 +186,6 @@ void bind_general_rows(nb::module_& m) {
 std::vector<std::pair<std::string, Index>> columns() {
   using namespace layout;
   using namespace general_rows;
-  const auto place = [](std::size_t offset) { return static_cast<Index>(offset / sizeof(double)); };
   // clang-format off
   return {
       {"layout.SPEED_LIMIT", SPEED_LIMIT}, {"layout.CUSTOM", CUSTOM}, {"layout.MAPPED", MAPPED},
@@ -194,18 +193,11 @@ std::vector<std::pair<std::string, Index>> columns() {
       {"layout.LOWEST_RANK", LOWEST_RANK}, {"layout.VELOCITY_X", VELOCITY_X},
       {"layout.VELOCITY_Y", VELOCITY_Y}, {"layout.V_MAX", V_MAX}, {"layout.PIECES", PIECES},
       {"layout.KEPT", KEPT}, {"layout.AWAY", AWAY}, {"layout.AWAY_X", AWAY_X}, {"layout.AWAY_Y", AWAY_Y},
-      {"layout.WIDTH", layout::WIDTH}, {"rows.ALPHA1", place(offsetof(RowSettings, alpha1))},
-      {"rows.ALPHA2", place(offsetof(RowSettings, alpha2))},
-      {"rows.PERIOD", place(offsetof(RowSettings, period))},
-      {"rows.U_MAX", place(offsetof(RowSettings, u_max))}, {"rows.HELD", place(offsetof(RowSettings, held))},
-      {"rows.LOW", place(offsetof(RowSettings, low))}, {"rows.HIGH", place(offsetof(RowSettings, high))},
-      {"rows.SETTINGS_WIDTH", place(sizeof(RowSettings))}, {"rows.B", B}, {"rows.H", H},
-      {"rows.ALPHA2_PSI", ALPHA2_PSI}, {"rows.PSI", PSI}, {"general_kernels.MARGIN", MARGIN},
-      {"general_kernels.RATE", RATE}, {"general_kernels.QUICKENING", QUICKENING},
-      {"general_kernels.LEANING", LEANING}, {"general_kernels.REACH", REACH}, {"general_kernels.FAST", FAST},
-      {"general_kernels.DIP", DIP}, {"general_kernels.CONDITIONING", CONDITIONING},
-      {"general_kernels.PLACED", PLACED}, {"general_kernels.WIDTH", general_rows::WIDTH},
-      {"general_kernels.ELSEWHERE", ELSEWHERE},
+      {"layout.WIDTH", layout::WIDTH}, {"layout.ELSEWHERE", ELSEWHERE}, {"rows.B", B}, {"rows.H", H},
+      {"rows.ALPHA2_PSI", ALPHA2_PSI}, {"rows.PSI", PSI}, {"rows.MARGIN", MARGIN}, {"rows.RATE", RATE},
+      {"rows.QUICKENING", QUICKENING}, {"rows.USABLE", USABLE}, {"rows.REACH", REACH}, {"rows.FAST", FAST},
+      {"rows.DIP", DIP}, {"rows.CONDITIONING", CONDITIONING}, {"rows.PLACED", PLACED},
+      {"rows.WIDTH", general_rows::WIDTH},
       {"shapes.convex_polygon.MAX_VERTICES", convex_polygon::MAX_VERTICES},
       {"shapes.convex_polygon.USED", convex_polygon::USED}};
   // clang-format on

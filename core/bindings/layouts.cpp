@@ -5,7 +5,6 @@
 #include <hcbf/locomotion_tick.hpp>
 #include <hcbf/motion_monitor.hpp>
 #include <hcbf/plants.hpp>
-#include <hcbf/response_monitor.hpp>
 
 #include <cstddef>
 #include <type_traits>
@@ -99,9 +98,8 @@ RECORD(sensing::Errors, FIELD(timestep), FIELD(fix), FIELD(drift), FIELD(keep_dr
        FIELD(angle), FIELD(rate), FIELD(contact))
 RECORD(estimation_tick::Settings, FIELD(model), FIELD(errors), FIELD(legs), FIELD(foot_radius),
        FIELD(settled), FIELD(period), FIELD(delay), FIELD(start))
-RECORD(monitor::Memory, FIELD(error), FIELD(missed), FIELD(exact), FIELD(off), FIELD(samples), FIELD(bend),
-       FIELD(in_a_row))
-RECORD(monitor::PlanarMemory, FIELD(drift), FIELD(motion), FIELD(body))
+RECORD(monitor::Inputs, FIELD(error), FIELD(missed), FIELD(exact), FIELD(off), FIELD(samples))
+RECORD(monitor::Motion, FIELD(drift), FIELD(motion), FIELD(body), FIELD(bend), FIELD(in_a_row))
 RECORD(conclusion::Memory, FIELD(change), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
 RECORD(Uncertainty, FIELD(distance), FIELD(per_velocity), FIELD(per_lead), FIELD(cap), FIELD(confidence),
        FIELD(body), FIELD(speed), FIELD(speed_per_velocity))
@@ -125,8 +123,8 @@ Fields fields_of<plants::Plant>() {
                    FIELD(reachable), FIELD(lost), FIELD(zone), FIELD(expected), FIELD(vague), FIELD(growth),
                    FIELD(accepted), FIELD(headed), FIELD(accepted_at), FIELD(follows), FIELD(known),
                    FIELD(alarm), FIELD(moves)};
-  put_within(fields, offsetof(Record, watched), fields_of<monitor::Memory>());
-  put_within(fields, offsetof(Record, planar), fields_of<monitor::PlanarMemory>());
+  put_within(fields, offsetof(Record, inputs), fields_of<monitor::Inputs>());
+  put_within(fields, offsetof(Record, motion), fields_of<monitor::Motion>());
   put_within(fields, offsetof(Record, judged), fields_of<conclusion::Memory>());
   return fields;
 }
@@ -135,19 +133,30 @@ RECORD(report::Plant, FIELD(intervention), FIELD(fallbacks), FIELD(model_error),
        FIELD(deadlock), FIELD(alpha1_scale), FIELD(status), FIELD(reason), FIELD(covered),
        FIELD(covered_by), FIELD(proved))
 RECORD(report::Row, FIELD(slack), FIELD(delta), FIELD(margin), FIELD(h), FIELD(psi), FIELD(conditioning))
-RECORD(command_history::Notes, FIELD(told_at), FIELD(told), FIELD(ends), FIELD(count), FIELD(acting),
-       FIELD(velocity), FIELD(braked), FIELD(place), FIELD(time), FIELD(begun), FIELD(missed), FIELD(moved),
-       FIELD(doubt), FIELD(apart), FIELD(widest), FIELD(seen), FIELD(missing), FIELD(asked), FIELD(hidden),
-       FIELD(worst))
-RECORD(command_history::Law, FIELD(tau), FIELD(delay), FIELD(first), FIELD(most), FIELD(lasting),
-       FIELD(share), FIELD(braking), FIELD(overshoot), FIELD(arc), FIELD(forward))
+RECORD(command_history::Commands, FIELD(since), FIELD(leads), FIELD(ends), FIELD(count), FIELD(acting),
+       FIELD(velocity), FIELD(braked))
+RECORD(command_history::Response, FIELD(tau), FIELD(delay), FIELD(braking), FIELD(overshoot))
+RECORD(motion_monitor::Position, FIELD(missing), FIELD(residual), FIELD(variance), FIELD(average),
+       FIELD(deviation))
+RECORD(motion_monitor::Sums, FIELD(strayed), FIELD(moved), FIELD(doubt), FIELD(apart), FIELD(widest),
+       FIELD(seen), FIELD(correlated), FIELD(power), FIELD(hidden))
 template <>
 Fields fields_of<motion_monitor::Notes>() {
   using Record = motion_monitor::Notes;
-  Fields fields = {FIELD(time), FIELD(begun), FIELD(missing), FIELD(apart), FIELD(noise), FIELD(place),
-                   FIELD(left)};
-  put_within(fields, offsetof(Record, watched), fields_of<monitor::Memory>());
-  put_within(fields, offsetof(Record, planar), fields_of<monitor::PlanarMemory>());
+  Fields fields = {FIELD(place), FIELD(time), FIELD(begun), FIELD(worst)};
+  put_within(fields, offsetof(Record, commands), fields_of<command_history::Commands>());
+  put_within(fields, offsetof(Record, twist), fields_of<monitor::Motion>());
+  put_within(fields, offsetof(Record, position), fields_of<motion_monitor::Position>());
+  put_within(fields, offsetof(Record, sums), fields_of<motion_monitor::Sums>());
+  return fields;
+}
+
+template <>
+Fields fields_of<motion_monitor::Law>() {
+  using Record = motion_monitor::Law;
+  Fields fields = {FIELD(first), FIELD(most), FIELD(lasting), FIELD(share), FIELD(arc), FIELD(forward),
+                   FIELD(regular), FIELD(hardest)};
+  put_within(fields, offsetof(Record, response), fields_of<command_history::Response>());
   return fields;
 }
 
@@ -182,9 +191,8 @@ void bind_layouts(nb::module_& m) {
   put<locomotion_state::RobotState>(all, "RobotState");
   put<kalman::Model>(all, "kalman.Model");
   put<estimation_tick::Settings>(all, "estimation_tick.Settings");
-  put<command_history::Notes>(all, "command_history.Notes");
-  put<command_history::Law>(all, "command_history.Law");
   put<motion_monitor::Notes>(all, "motion_monitor.Notes");
+  put<motion_monitor::Law>(all, "motion_monitor.Law");
   put<axle::Axle>(all, "Axle");
   put<class_k::ClassK>(all, "ClassK");
   put<field::Geometry>(all, "Geometry");

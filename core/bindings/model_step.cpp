@@ -44,9 +44,38 @@ class PythonModel final : public model::Model {
 
 std::vector<double> numbers_of(const Line& line) { return {line.data(), line.data() + line.size()}; }
 
+std::size_t count_of(const Table& rows, Index columns) {
+  if (Index(rows.shape(1)) != columns) throw nb::value_error("got rows of another length than the model's");
+  return rows.shape(0);
+}
+
 void bind_model(nb::module_& m) {
   using model::Model;
-  nb::class_<Model>(m, "Model", "A model ẋ = f(x) + g(x)u of N states at once.");
+  nb::class_<Model>(m, "Model", "A model ẋ = f(x) + g(x)u of N states at once.")
+      .def("terms", [](const Model& self, const Table& x) {
+        const std::size_t count = count_of(x, self.n), n = self.n, n_u = self.n_u;
+        std::vector<double> f(count * n), g(count * n * n_u);
+        self.terms(view(x), {f.data(), Index(count), self.n}, {g.data(), Index(count), self.n, self.n_u});
+        return nb::make_tuple(owned<double>(std::move(f), {count, n}), owned<double>(std::move(g), {count, n, n_u}));
+      }, "x"_a, "Return f (N, n) and g (N, n, n_u) at N states.")
+      .def("jacobians", [](const Model& self, const Table& x) {
+        const std::size_t count = count_of(x, self.n), n = self.n;
+        std::vector<double> out(count * n * n);
+        self.jacobians(view(x), {out.data(), Index(count), self.n, self.n});
+        return owned<double>(std::move(out), {count, n, n});
+      }, "x"_a, "Return ∂f/∂x (N, n, n) at N states.")
+      .def("steps", [](const Model& self, const Table& x, const Table& u, double dt) {
+        const std::size_t count = std::min(count_of(x, self.n), count_of(u, self.n_u)), n = self.n;
+        std::vector<double> after(count * n);
+        self.steps({x.data(), Index(count), self.n}, view(u), dt, {after.data(), Index(count), self.n});
+        return owned<double>(std::move(after), {count, n});
+      }, "x"_a, "u"_a, "dt"_a, "Return (N, n) the states after dt [s] under constant inputs.")
+      .def("brakes", [](const Model& self, const Table& x, double dt) {
+        const std::size_t count = count_of(x, self.n), n_u = self.n_u;
+        std::vector<double> u(count * n_u);
+        self.brakes(view(x), dt, {u.data(), Index(count), self.n_u});
+        return owned<double>(std::move(u), {count, n_u});
+      }, "x"_a, "dt"_a, "Return (N, n_u) the inputs that stop the plants within dt [s].");
   nb::class_<model::SingleIntegrator, Model>(m, "SingleIntegrator", "ẋ = u.").def(nb::init<Index>(), "n"_a);
   nb::class_<model::DoubleIntegrator, Model>(m, "DoubleIntegrator", "p̈ = u − c ṗ.")
       .def(nb::init<Index, double>(), "n_u"_a, "drag"_a);

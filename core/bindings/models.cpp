@@ -1,7 +1,6 @@
 #include <hcbf/axle.hpp>
 #include <hcbf/constants.hpp>
 #include <hcbf/reduced_order.hpp>
-#include <hcbf/vehicles.hpp>
 
 #include "structs.hpp"
 
@@ -9,44 +8,15 @@ namespace hcbf {
 
 namespace {
 
-using States = Matrix<const double>;
-using Inputs = Matrix<const double>;
 using Written = Matrix<double>;
 
-void bind_reduced_order(nb::module_& m) {
-  m.def("damped_drifts", [](const States& x, double drag, const Written& f) {
-    for (Index i = 0; i < x.rows; ++i) reduced_order::damped_drift(x[i], drag, f[i]);
-  }, "x"_a, "drag"_a, "f"_a, "Write (N, n) the drifts (v, -c v) of N states.");
-  m.def("damped_steps", [](const States& x, const Inputs& u, double dt, double drag, const Written& after) {
-    for (Index i = 0; i < x.rows; ++i)
-      reduced_order::damped_step(x[i], u[i], dt, drag, after[i]);
-  }, "x"_a, "u"_a, "dt"_a, "drag"_a, "after"_a, "Write (N, n) the states after dt.");
+void bind_double_integrator(nb::module_& m) {
   m.def("double_integrator_step", [](const Vector<const double>& x, const Vector<const double>& u, double dt,
                                      double v_max) {
     const auto [px, py, vx, vy] = reduced_order::double_integrator_step(x, u, dt, v_max);
     return std::tuple(px, py, vx, vy);
   }, "x"_a, "u"_a, "dt"_a, "v_max"_a,
   "Return the state of a double integrator after dt, its speed capped at v_max.");
-}
-
-void bind_vehicles(nb::module_& m) {
-  m.def("unicycle_inputs", [](const States& x, const Cube<double>& g) {
-    for (Index i = 0; i < x.rows; ++i) vehicles::unicycle_inputs(x[i].data, g[i].data);
-  }, "x"_a, "g"_a, "Write g (N, 3, 2) at N states.");
-  m.def("unicycle_steps", [](const States& x, const Inputs& u, double dt, const Written& after) {
-    for (Index i = 0; i < x.rows; ++i)
-      vehicles::unicycle_step(x[i].data, u[i].data, dt, after[i].data);
-  }, "x"_a, "u"_a, "dt"_a, "after"_a, "Write (N, 3) the states after dt.");
-  m.def("bicycle_drifts", [](const States& x, double rear, const Written& f) {
-    for (Index i = 0; i < x.rows; ++i) vehicles::bicycle_rate(x[i].data, 0, 0, rear, f[i].data);
-  }, "x"_a, "rear"_a, "f"_a, "Write f (N, 4) at N states.");
-  m.def("bicycle_inputs", [](const States& x, double rear, const Cube<double>& g) {
-    for (Index i = 0; i < x.rows; ++i) vehicles::bicycle_inputs(x[i].data, rear, g[i].data);
-  }, "x"_a, "rear"_a, "g"_a, "Write g (N, 4, 2) at N states.");
-  m.def("bicycle_steps", [](const States& x, const Inputs& u, double dt, double rear, const Written& after) {
-    for (Index i = 0; i < x.rows; ++i)
-      vehicles::bicycle_step(x[i].data, u[i].data, dt, rear, after[i].data);
-  }, "x"_a, "u"_a, "dt"_a, "rear"_a, "after"_a, "Write (N, 4) the states after dt.");
 }
 
 void bind_axle(nb::module_& m) {
@@ -73,8 +43,7 @@ void bind_models(nb::module_& m) {
   m.attr("FARTHEST") = constants::FARTHEST;
   m.attr("STANDING") = constants::STANDING;
   m.attr("ASKING") = constants::ASKING;
-  bind_reduced_order(m);
-  bind_vehicles(m);
+  bind_double_integrator(m);
   bind_axle(m);
 }
 

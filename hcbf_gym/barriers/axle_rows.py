@@ -1,4 +1,4 @@
-r"""Rows of a differential drive: regions that stand bind its axle, all others the point before it.
+r"""Rows of a differential drive: regions at rest bind its axle, all others the point before it.
 
 A row ``n·p̈ ≥ b`` on the axle is one in the point's acceleration u (`models.axle`), linear because
 the axle's is,
@@ -15,53 +15,41 @@ from dataclasses import replace
 import numpy as np
 
 from hcbf_gym import _core
+from hcbf_gym.barriers.braking import PLACES, greatest
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.models.axle import Axle
 
 USED = 0.85
-"""Share of the braking along the heading that a single row may ask for."""
-PLACES = 200
-"""How many approach speeds are looked at."""
+"""Share of the braking along the heading that a single row may request."""
 
 
 def share(settings: RowSettings, axle: Axle) -> float:
     """Return the greatest c ≤ 1 with which braking along the heading meets every row of α₁(c h).
 
-    On ψ = 0 the robot nears a wall at the speed s = v cos φ and the row asks for b(s), to which
+    On ψ = 0 the robot nears a wall at the speed s = v cos φ and the row requests b(s), to which
     braking along the heading gives A cos φ. With ``v ≤ V`` that is enough at every angle where
-    ``(b(s) − b(0)) V/s ≤ .85 A`` for all s ≤ V. What it asks for at a glance, b(0), is reserved
-    as a length, see `at_a_glance`. The slope of α₁ counts, at all speeds alike; so it is distances
-    that are stretched, and not α₁ that is scaled.
+    ``(b(s) − b(0)) V/s ≤ 0.85 A`` for all s ≤ V. b(0) is reserved as a length, see `at_a_glance`.
+    The slope of α₁ counts, at all speeds alike; so distances are stretched, and α₁ is not scaled.
 
     Args:
         settings: α₁, α₂ and the hold, with the axle's greatest acceleration.
         axle: what limits the drive.
     """
-    if _asked(settings, axle) <= USED * axle.braking:
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        scaled = replace(settings, alpha1=settings.alpha1.stretched(middle))
-        if _asked(scaled, axle) <= USED * axle.braking:
-            low = middle
-        else:
-            high = middle
-    return low
 
+    def fits(c: float) -> bool:
+        alpha1 = settings.alpha1 if c == 1.0 else settings.alpha1.stretched(c)
+        scaled = replace(settings, alpha1=alpha1)
+        at_rest, most = _bound(scaled, 0.0, 0.0), 0.0
+        for speed in np.linspace(0.0, axle.forward, PLACES + 1)[1:].tolist():
+            b = _bound(scaled, alpha1.inverse(speed), speed)
+            most = max(most, (b - at_rest) * axle.forward / speed)
+        return most <= USED * axle.braking
 
-def _asked(settings: RowSettings, axle: Axle) -> float:
-    """Return the largest (b(s) − b(0)) V/s [m/s²]."""
-    at_rest = _bound(settings, 0.0, 0.0)
-    most = 0.0
-    for speed in np.linspace(0.0, axle.forward, PLACES + 1)[1:].tolist():
-        b = _bound(settings, settings.alpha1.inverse(speed), speed)
-        most = max(most, (b - at_rest) * axle.forward / speed)
-    return most
+    return greatest(fits)
 
 
 def at_a_glance(settings: RowSettings, jerk: float) -> float:
-    """Return the least h − m at which a row asks for nothing of what does not near the wall [m].
+    """Return the least h − m at which a row requests nothing where the wall is not neared [m].
 
     Args:
         settings: α₁, α₂ and the hold.

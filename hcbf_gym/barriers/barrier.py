@@ -4,6 +4,7 @@ A user's own barrier is a subclass of `Barrier`, a frozen dataclass with a `jet`
 `PlanarBarrier` where it depends on the position alone, with a `planar_jet`.
 """
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
@@ -52,8 +53,50 @@ class Core(NamedTuple):
     is_point: bool
 
 
+def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
+    """Return the jet of n states that a user's own barrier returned.
+
+    Raises:
+        InvalidInputError: if it is none, or `finite` and not of finite numbers.
+    """
+    if isinstance(jet, Jet) and is_plain(jet, n):
+        return jet
+    shapes = (), (n,), (n, n), (), (n,), ()
+    try:
+        fields = [np.asarray(field) for field in jet]
+        fits = len(fields) == len(shapes) and all(
+            getattr(given, "shape", ()) == shape and field.dtype.kind in "fiu"
+            for given, field, shape in zip(jet, fields, shapes, strict=False)
+        )
+    except (TypeError, ValueError):  # nothing to go through, or a ragged list
+        fields, fits = [], False
+    if not fits:
+        raise InvalidInputError(
+            f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers and "
+            f"arrays: h, ∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
+        )
+    if finite and not all(np.isfinite(field).all() for field in fields):
+        raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
+    return Jet._make(jet)
+
+
+def is_plain(jet: Jet, n: int) -> bool:
+    """Return in a few microseconds whether a jet is of finite floats; False may be wrong."""
+    h, gradient, hessian, rate, gradient_rate, rate_rate = jet
+    arrays = gradient, hessian, gradient_rate
+    if not all(type(part) is np.ndarray and part.dtype == np.float64 for part in arrays):
+        return False
+    if not all(isinstance(part, float) for part in (h, rate, rate_rate)):
+        return False
+    if gradient.shape != (n,) or hessian.shape != (n, n) or gradient_rate.shape != (n,):
+        return False
+    sizes = np.vdot(gradient, gradient) + np.vdot(hessian, hessian)
+    sizes += np.vdot(gradient_rate, gradient_rate)
+    return math.isfinite(sizes + abs(h) + abs(rate) + abs(rate_rate))
+
+
 def check_name(name: object, priority: object) -> None:
-    """Refuse what is no name or no rank.
+    """Refuse another name than text, or a priority that is no rank.
 
     Raises:
         InvalidInputError: if the name is empty or the priority no integer from 1 to `LOWEST_RANK`.
@@ -74,7 +117,7 @@ class Barrier(ABC):
 
     Args:
         name: what tables and figures call it.
-        priority: 1 is the highest and strict; larger numbers give way first.
+        priority: 1 is the highest and strict; larger numbers are relaxed first.
 
     Raises:
         InvalidInputError: if the name is empty or the priority is not a positive integer.
@@ -151,11 +194,8 @@ class PlanarBarrier(Barrier):
         """Return h and its derivatives."""
         w = self.frame_velocity
         value, planar_gradient, planar_hessian = self.planar_jet(x[:2] - w * t)
-        gradient, hessian, gradient_rate = (
-            np.zeros(len(x)),
-            np.zeros((len(x),) * 2),
-            np.zeros(len(x)),
-        )
+        gradient, gradient_rate = np.zeros((2, len(x)))
+        hessian = np.zeros((len(x), len(x)))
         gradient[:2] = planar_gradient
         hessian[:2, :2] = planar_hessian
         gradient_rate[:2] = -planar_hessian @ w
@@ -171,14 +211,7 @@ class PlanarBarrier(Barrier):
 
 @dataclass(frozen=True, eq=False)
 class Elsewhere(Barrier):
-    """Another condition, moved.
-
-    Args:
-        name: as the other's.
-        priority: as the other's.
-        of: the other.
-        step: (2,) by which it is moved [m].
-    """
+    """Another condition, moved by a step (2,) [m]."""
 
     of: Barrier
     step: Array
@@ -188,7 +221,7 @@ class Elsewhere(Barrier):
         return self.of.jet(self._back(x), t)
 
     def batch(self, x: Array, t: Array) -> Jet:
-        """Return those of many states."""
+        """Return h and its derivatives at many states."""
         return self.of.batch(self._back(x), t)
 
     def _back(self, x: Array) -> Array:
@@ -220,12 +253,7 @@ class PlanarElsewhere(PlanarBarrier):
 
 
 def reads_time(barrier: Barrier, n: int) -> bool:
-    """Return whether h depends on time, at sampled states.
-
-    Args:
-        barrier: of any class.
-        n: the number of states.
-    """
+    """Return whether h of n states depends on time, at sampled states."""
     states = np.random.default_rng(0).normal(size=(8, n))
     values = np.array([[barrier.h(x, t) for t in (0.0, 0.7, 31.0)] for x in states])
     return not np.array_equal(values, np.broadcast_to(values[:, :1], values.shape), equal_nan=True)

@@ -1,28 +1,28 @@
 r"""Whether U can brake what α₁ and α₂ request, and by how much α₁ must shrink if not.
 
-The model is the double integrator.
-
-On ψ = 0 the robot approaches a strict region at the speed s = α₁(h), and the row requests the
-deceleration
+The model is the double integrator. On ψ = 0 the robot approaches a strict region at the speed
+s = α₁(h), and the row requests the deceleration
 
 .. math:: D(s) = s\, α_1'(α_1^{-1}(s)),
 
 for the paper's logarithm at most φ₁²φ₂/(φ₃ e), at s = φ₁; for a linear α₁ gain · s, the more the
-faster. For ψ > 0 it requests less, whatever α₂ is. `docs/rows.md` proves it, and says how much more
-the row of a held input requests.
+faster. For ψ > 0 it requests less, whatever α₂ is. `docs/rows.md` proves it, and derives how much
+more the row of a held input requests.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers import layout, zone
+from hcbf_gym.barriers import layout, speed_limit
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shape import TINY
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 
 RESERVE = 0.1
@@ -67,34 +67,39 @@ def requested(settings: RowSettings, fastest: float = np.inf) -> float:
     return float(rows.max())
 
 
-def share(settings: RowSettings, brakes: float) -> float:
-    """Return the greatest c in [0, 1] with which the robot can brake what c·α₁ requests.
-
-    It is 1 where α₁ requests more the faster the robot is: what that is, only a scene can say.
-
-    Args:
-        settings: α₁, α₂ and the hold.
-        brakes: with how much it stops [m/s²], of which `RESERVE` is left.
-    """
-    able = (1.0 - RESERVE) * brakes
-    if np.isinf(settings.alpha1.hardest_speed) or requested(settings) <= able:
+def greatest(fits: Callable[[float], bool]) -> float:
+    """Return by bisection the greatest share c in [0, 1] that fits, where smaller ones do, too."""
+    if fits(1.0):
         return 1.0
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        if requested(replace(settings, alpha1=settings.alpha1.scaled(middle))) <= able:
+        if fits(middle):
             low = middle
         else:
             high = middle
     return low
 
 
+def share(settings: RowSettings, brakes: float) -> float:
+    """Return the greatest c in [0, 1] with which the robot can brake what c·α₁ requests.
+
+    It is 1 where α₁ requests more the faster the robot is: there it depends on the scene.
+
+    Args:
+        settings: α₁, α₂ and the hold.
+        brakes: with how much it stops [m/s²], of which `RESERVE` is left.
+    """
+    alpha1, able = settings.alpha1, (1.0 - RESERVE) * brakes
+    if np.isinf(alpha1.hardest_speed):
+        return 1.0
+    return greatest(lambda c: requested(replace(settings, alpha1=alpha1.scaled(c))) <= able)
+
+
 def stoppable(alpha1: ClassK, input_set: InputSet) -> float:
     """Return the greatest speed [m/s] from which U stops the robot where regions close in.
 
-    Args:
-        alpha1: α₁, whose slope at 0 says how close to a region the robot may be at this speed.
-        input_set: U, of which `RESERVE` is left.
+    `RESERVE` of U is left. The slope of α₁ at 0 is how close to a region a robot of some speed is.
     """
     return 2.0 * (1.0 - RESERVE) * weakest(input_set) / alpha1.derivative(0.0)
 
@@ -113,36 +118,42 @@ class Shortcoming(NamedTuple):
     """Something that α₁, U and a speed limit cannot satisfy in some of N scenes.
 
     Attributes:
-        what: in a word, so that it is said once.
+        what: in a word, so that it is reported once.
         scenes: (N,) where.
         promised: whether rank 1 is satisfied all the same.
-        says: a sentence with the numbers.
+        text: a sentence with the numbers.
     """
 
     what: str
     scenes: Mask
     promised: bool
-    says: str
+    text: str
 
 
 class _Demands(NamedTuple):
-    """What N scenes demand of a robot.
+    """What N scenes demand of a robot, (N,) each."""
 
-    Attributes:
-        left: (N,) the speed that the strict speed limits, or the robot's motors, leave [m/s];
-            infinite where nothing limits it.
-        margin: (N,) what those reserve [m/s].
-        moves: (N,) the speed of the fastest strict region [m/s].
-        narrows: (N,) whether strict regions can close in on the robot: there are two, or a
-            map.
-        slows: (N,) whether there are strict speed zones.
-    """
+    left: Array  # the speed that strict limits, or the motors, leave [m/s]; or infinite
+    margin: Array  # what the limits reserve [m/s]
+    moves: Array  # the speed of the fastest strict region [m/s]
+    narrows: Mask  # whether strict regions can close in on the robot: there are two, or a map
+    slows: Mask  # whether there are strict speed zones
 
-    left: Array
-    margin: Array
-    moves: Array
-    narrows: Mask
-    slows: Mask
+
+def _demands(scenes: BarrierSet, speed_margin: float, fastest: float) -> _Demands:
+    strict = scenes.priority == 1
+    caps = strict & (scenes.kind == layout.SPEED_LIMIT)
+    regions = strict & scenes.is_region
+    kept = scenes.own_margin + speed_margin
+    left = np.where(caps, speed_left(scenes.parameters[..., layout.V_MAX], kept), np.inf)
+    w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
+    return _Demands(
+        left.min(axis=1, initial=fastest),
+        np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
+        np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
+        (regions.sum(axis=1) > 1) | (strict & (scenes.kind == layout.MAPPED)).any(axis=1),
+        (strict & (scenes.kind == layout.ZONES)).any(axis=1),
+    )
 
 
 def shortcomings(
@@ -159,103 +170,46 @@ def shortcomings(
         alpha1: α₁.
         input_set: U.
         speed_margin: what the row of a speed limit reserves besides its own margin [m/s].
-        fastest: the greatest speed where no limit stands [m/s].
+        fastest: the greatest speed where there is no limit [m/s].
     """
-    scene = _look(scenes, speed_margin, fastest)
+    left, margin, moves, narrows, slows = _demands(scenes, speed_margin, fastest)
     able = (1.0 - RESERVE) * weakest(input_set)
-    steep = alpha1.derivative(0.0)
-    stopped = stoppable(alpha1, input_set)
-    found = [_cannot_flee(scene), _hardly_walks(scene), _cannot_stop(scene, stopped, able)]
-    found.append(_cannot_slow(scene, able))
+    steep, stopped = alpha1.derivative(0.0), stoppable(alpha1, input_set)
+    brakes, reserve = speed_limit.BRAKING, f"U has {able:.3g} with a tenth in reserve"
+    flees, slow = moves >= left, (left < SLOW) & (margin > 0.0)
+    fast = narrows & np.isfinite(left) & (left > stopped)
+    texts = {
+        "flight": f"a strict region moves at {_most(moves, flees):.3g} m/s, and the robot has "
+        f"{_least(left, flees):.3g} m/s after the margin of its speed limit; expected a higher "
+        "v_max, so that it can step aside",
+        "slowness": f"the speed limit leaves {_least(left, slow):.3g} m/s after its margin of "
+        f"{_most(margin, slow):.3g} m/s; expected a higher v_max, or patience",
+        "stopping": f"where strict regions close in, {able * _most(left, fast) / stopped:.3g} "
+        f"m/s² stop the robot in time, and {reserve}; expected a v_max that leaves at most "
+        f"{stopped:.3g} m/s, or a flatter alpha1",
+        "slowing": f"before a strict speed zone the robot brakes by {brakes:.3g} m/s², and "
+        f"{reserve}; expected a larger U, or zones of a lower rank",
+    }
+    where = {"flight": flees, "slowness": slow, "stopping": fast, "slowing": slows}
+    where["slowing"] &= able < brakes
     if np.isinf(alpha1.hardest_speed):
-        found += [_knows_no_speed(scene), _cannot_brake(scene, steep, able)]
-    return [one for one in found if one.scenes.any()]
-
-
-def _look(scenes: BarrierSet, speed_margin: float, fastest: float) -> _Demands:
-    strict = scenes.priority == 1
-    caps = strict & (scenes.kind == layout.SPEED_LIMIT)
-    maps = strict & (scenes.kind == layout.MAPPED)
-    regions = strict & scenes.is_region
-    v_max = scenes.parameters[..., layout.V_MAX]
-    kept = scenes.own_margin + speed_margin
-    left = np.where(caps, speed_left(v_max, kept), np.inf)
-    w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
-    return _Demands(
-        left=left.min(axis=1, initial=fastest),
-        margin=np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
-        moves=np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
-        narrows=(regions.sum(axis=1) > 1) | maps.any(axis=1),
-        slows=(strict & (scenes.kind == layout.ZONES)).any(axis=1),
-    )
-
-
-def _cannot_flee(scene: _Demands) -> Shortcoming:
-    where = scene.moves >= scene.left
-    return Shortcoming(
-        "flight",
-        where,
-        False,
-        f"a strict region moves at {_most(scene.moves, where):.3g} m/s, and the robot has "
-        f"{_least(scene.left, where):.3g} m/s after the margin of its speed limit; expected a "
-        "higher v_max, so that it can step aside",
-    )
-
-
-def _hardly_walks(scene: _Demands) -> Shortcoming:
-    where = (scene.left < SLOW) & (scene.margin > 0.0)
-    return Shortcoming(
-        "slowness",
-        where,
-        True,
-        f"the speed limit leaves {_least(scene.left, where):.3g} m/s after its margin of "
-        f"{_most(scene.margin, where):.3g} m/s; expected a higher v_max, or patience",
-    )
-
-
-def _cannot_stop(scene: _Demands, stopped: float, able: float) -> Shortcoming:
-    where = scene.narrows & np.isfinite(scene.left) & (scene.left > stopped)
-    return Shortcoming(
-        "stopping",
-        where,
-        False,
-        f"where strict regions close in, {able * _most(scene.left, where) / stopped:.3g} m/s² stop "
-        f"the robot in time, and U has {able:.3g} with a tenth in reserve; expected a v_max "
-        f"that leaves at most {stopped:.3g} m/s, or a flatter alpha1",
-    )
-
-
-def _cannot_slow(scene: _Demands, able: float) -> Shortcoming:
-    return Shortcoming(
-        "slowing",
-        scene.slows & (able < zone.BRAKING),
-        False,
-        f"before a strict speed zone the robot brakes by {zone.BRAKING:.3g} m/s², and U has "
-        f"{able:.3g} with a tenth in reserve; expected a larger U, or zones of a lower rank",
-    )
-
-
-def _knows_no_speed(scene: _Demands) -> Shortcoming:
-    return Shortcoming(
-        "speed",
-        np.isinf(scene.left),
-        False,
-        "a linear alpha1 asks for more braking the faster the robot is, and the scene has no "
-        "strict speed limit; expected v_max, or the logarithm",
-    )
-
-
-def _cannot_brake(scene: _Demands, steep: float, able: float) -> Shortcoming:
-    speed = scene.left + scene.moves
-    where = np.isfinite(speed) & (steep * speed > able)
-    return Shortcoming(
-        "braking",
-        where,
-        False,
-        f"a linear alpha1 asks for {steep * _most(speed, where):.3g} m/s² of braking at the speed "
-        f"limit, and U has {able:.3g} with a tenth in reserve; expected a gain of at most "
-        f"{able / max(_most(speed, where), TINY):.3g}",
-    )
+        speed = left + moves
+        where["speed"] = np.isinf(left)
+        texts["speed"] = (
+            "a linear alpha1 requests more braking the faster the robot is, and the scene has no "
+            "strict speed limit; expected v_max, or the logarithm"
+        )
+        where["braking"] = hard = np.isfinite(speed) & (steep * speed > able)
+        most = _most(speed, hard)
+        texts["braking"] = (
+            f"a linear alpha1 requests {steep * most:.3g} m/s² of braking at the speed limit, and "
+            f"{reserve}; expected a gain of at most {able / max(most, TINY):.3g}"
+        )
+    return [
+        Shortcoming(what, mask, what == "slowness", texts[what])
+        for what, mask in where.items()
+        if mask.any()
+    ]
 
 
 def _most(values: Array, where: Mask) -> float:
@@ -264,3 +218,47 @@ def _most(values: Array, where: Mask) -> float:
 
 def _least(values: Array, where: Mask) -> float:
     return float(values.min(initial=np.inf, where=where))
+
+
+def check_limits(
+    scenes: BarrierSet,
+    hold: tuple[float | None, float],
+    speed_margin: float = 0.0,
+    turn: float = 0.0,
+) -> None:
+    """Refuse speed limits and speed zones that no input can satisfy.
+
+    Args:
+        scenes: of the plants.
+        hold: how long an input is held [s], None where that is not known, and the largest norm
+            of an input [m/s²].
+        speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
+        turn: the greatest turning rate of a differential drive [rad/s]; 0 for all others.
+
+    Raises:
+        InvalidInputError: if a margin leaves nothing of a speed limit, or a held input can pass
+            it from rest within one period.
+    """
+    capped = scenes.kind == layout.SPEED_LIMIT
+    v_max = scenes.parameters[capped, layout.V_MAX]
+    margin = scenes.own_margin[capped] + speed_margin
+    if len(v_max):
+        worst = int(np.argmin(v_max - 2.0 * margin))
+        speed_limit.check_leaves_speed("speed limit", v_max[worst], margin[worst])
+    period, u_max = hold
+    if period is None:
+        return
+    limit = scenes.parameters[scenes.kind == layout.ZONES, layout.V_MAX]
+    lowest = speed_limit.least_limit(period, u_max, speed_margin, turn)
+    if (limit < lowest).any():
+        raise InvalidInputError(
+            f"speed zone: got {limit.min():g} m/s, expected at least {lowest:g} m/s: its row "
+            f"reserves {speed_margin:g} m/s, and an input passes the rest within one period"
+        )
+    gained = u_max * period
+    least = np.sqrt(v_max * (v_max - 2.0 * margin)).min(initial=np.inf)
+    if least <= gained:
+        raise InvalidInputError(
+            f"speed limit: got {least:g} m/s after its margin, expected above {gained:g} m/s, "
+            "which an input reaches within one period: sample faster or allow smaller inputs"
+        )

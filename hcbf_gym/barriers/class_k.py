@@ -1,12 +1,8 @@
-"""Extended class-K functions α: strictly increasing, α(0) = 0, with derivative and inverse.
+"""Extended class-K functions α: strictly increasing, α(0) = 0, evaluated by the core."""
 
-Each exists once, compiled (core/include/hcbf/class_k.hpp), and reads a function's four numbers.
-"""
-
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -14,30 +10,43 @@ from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_float, shown
 
-LINEAR, LOG = 0.0, 1.0
-"""The first of the four numbers says which function it is; the others are its parameters."""
-
 
 @dataclass(frozen=True)
-class ClassK(ABC):
-    """A class-K function; there is a linear and a logarithmic one."""
+class ClassK:
+    """A class-K function of positive parameters; there is a linear and a logarithmic one.
 
-    @abstractmethod
-    def scaled(self, factor: float) -> "ClassK":
+    Attributes:
+        code: the first of the four numbers by which the core reads it.
+        scale: the parameter that multiplies α.
+        rate: the one that multiplies h.
+    """
+
+    code: ClassVar[float]
+    scale: ClassVar[str]
+    rate: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = finite_float(field.name, getattr(self, field.name), minimum=0.0, exclusive=True)
+            object.__setattr__(self, field.name, value)
+
+    def scaled(self, factor: float) -> Self:
         """Return ``factor · α``."""
+        return replace(self, **{self.scale: factor * getattr(self, self.scale)})
 
-    @abstractmethod
-    def stretched(self, factor: float) -> "ClassK":
+    def stretched(self, factor: float) -> Self:
         """Return ``h ↦ α(factor · h)``."""
+        return replace(self, **{self.rate: factor * getattr(self, self.rate)})
 
     @property
-    @abstractmethod
     def hardest_speed(self) -> float:
         """The approach speed s at which ``s α'(α⁻¹(s))`` is largest; inf if it grows with s."""
+        return np.inf
 
-    @abstractmethod
     def parameters(self) -> Array:
-        """Return (4,) the kind and its parameters, as the compiled functions read them."""
+        """Return (4,) the code and the parameters, as the core reads them."""
+        numbers = [self.code, *(getattr(self, field.name) for field in fields(self))]
+        return np.array([*numbers, 0.0, 0.0][:4])
 
     @cached_property
     def _numbers(self) -> Array:
@@ -74,28 +83,9 @@ class LinearClassK(ClassK):
     """
 
     gain: float = 2.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "gain", finite_float("gain", self.gain, minimum=0.0, exclusive=True)
-        )
-
-    def scaled(self, factor: float) -> "LinearClassK":
-        """Return ``factor · α``."""
-        return LinearClassK(factor * self.gain)
-
-    def stretched(self, factor: float) -> "LinearClassK":
-        """Return ``h ↦ α(factor · h)``."""
-        return self.scaled(factor)
-
-    @property
-    def hardest_speed(self) -> float:
-        """Infinite: ``s α'(α⁻¹(s))`` is gain · s."""
-        return np.inf
-
-    def parameters(self) -> Array:
-        """Return (4,) the kind and its parameters, as the compiled functions read them."""
-        return np.array([LINEAR, self.gain, 0.0, 0.0])
+    code: ClassVar[float] = 0.0
+    scale: ClassVar[str] = "gain"
+    rate: ClassVar[str] = "gain"
 
 
 @dataclass(frozen=True)
@@ -118,28 +108,14 @@ class LogClassK(ClassK):
     phi1: float = 1.0
     phi2: float = 0.5
     phi3: float = 0.1
-
-    def __post_init__(self) -> None:
-        for name in ("phi1", "phi2", "phi3"):
-            number = finite_float(name, getattr(self, name), minimum=0.0, exclusive=True)
-            object.__setattr__(self, name, number)
-
-    def scaled(self, factor: float) -> "LogClassK":
-        """Return ``factor · α``."""
-        return replace(self, phi1=factor * self.phi1)
-
-    def stretched(self, factor: float) -> "LogClassK":
-        """Return ``h ↦ α(factor · h)``."""
-        return replace(self, phi2=factor * self.phi2)
+    code: ClassVar[float] = 1.0
+    scale: ClassVar[str] = "phi1"
+    rate: ClassVar[str] = "phi2"
 
     @property
     def hardest_speed(self) -> float:
         """φ₁: ``s α'(α⁻¹(s))`` is ``s φ₁φ₂/φ₃ exp(−s/φ₁)``."""
         return self.phi1
-
-    def parameters(self) -> Array:
-        """Return (4,) the kind and its parameters, as the compiled functions read them."""
-        return np.array([LOG, self.phi1, self.phi2, self.phi3])
 
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK}

@@ -17,8 +17,8 @@ def is_convex(barrier: Barrier, model: ReducedOrderModel) -> bool:
     """Return whether ``h((a + b)/2) ≤ (h(a) + h(b))/2`` at sampled positions a and b.
 
     Args:
-        barrier: of any class; where it gives no finite numbers nothing is known against it.
-        model: whose state has the position first; of a user's own that is not known.
+        barrier: of any class; one that gives no finite numbers is taken for convex.
+        model: whose state has the position first; any h of a user's own is taken for convex.
     """
     if isinstance(model, ControlAffine):
         return True
@@ -39,9 +39,8 @@ def is_convex(barrier: Barrier, model: ReducedOrderModel) -> bool:
 
 def warn_of_concave(barriers: Sequence[Barrier], model: ReducedOrderModel) -> None:
     """Warn of conditions of rank 1 on the position that are not convex in it."""
-    bent = [b.name for b in barriers if b.priority == 1 and b.reads_position]
-    found = {b.name for b in barriers if not is_convex(b, model)}
-    names = [name for name in bent if name in found]
+    strict = [b for b in barriers if b.priority == 1 and b.reads_position]
+    names = [b.name for b in strict if not is_convex(b, model)]
     if names:
         warn_caller(
             f"safety filter: h of {names} is not convex in the position at sampled states, so that "

@@ -1,4 +1,4 @@
-"""A user's own h(x, t): its derivatives by automatic differentiation (the extra `jax`)."""
+"""A user's own h(x, t), differentiated automatically (the extra `jax`); minimum and maximum."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ class Function(Barrier):
         import_jax("barriers.Function")
 
     def __eq__(self, other: object) -> bool:
-        """Tell whether both are the same condition."""
+        """Return whether both are the same condition."""
         return (
             isinstance(other, Function)
             and (self.name, self.priority) == (other.name, other.priority)
@@ -105,24 +105,16 @@ class Function(Barrier):
         return self.of(self.packed)(x, t)
 
     def batch(self, x: Array, t: Array) -> Jet:
-        """Return those of many states, compiled as one."""
+        """Return h and its derivatives at many states, compiled as one."""
         found = _compile_jet(*self.signature, many=True)(x, t, self.packed)
         stacked: Any = map(np.array, found)
         return Jet(*stacked)
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives."""
-        h, gradient, hessian, rate, gradient_rate, rate_rate = self._compiled(
-            x, float(t), self.packed
-        )
-        return Jet(
-            float(h),
-            np.array(gradient),
-            np.array(hessian),
-            float(rate),
-            np.array(gradient_rate),
-            float(rate_rate),
-        )
+        found = self._compiled(x, float(t), self.packed)
+        parts: Any = [np.array(part) if np.ndim(part) else float(part) for part in found]
+        return Jet(*parts)
 
 
 def _finite(name: str, value: ArrayLike) -> Array:
@@ -168,3 +160,31 @@ def _compile_jet(
         return h(x, t), of_x(x, t), hessian, of_t(x, t), gradient_rate, jax.grad(of_t, 1)(x, t)
 
     return compile64(jax.vmap(jet, (0, 0, None)) if many else jet)
+
+
+def minimum(*parts: Scalar | Function) -> Scalar:
+    """Return ``min h_i``, a function for `Function`: every part holds.
+
+    It has kinks, where a row's conditioning falls; prefer conditions of one priority.
+    """
+    return _extreme(parts, lambda one, other: one < other)
+
+
+def maximum(*parts: Scalar | Function) -> Scalar:
+    """Return ``max h_i``, a function for `Function`: at least one part holds; see `minimum`."""
+    return _extreme(parts, lambda one, other: one > other)
+
+
+def _extreme(parts: tuple[Scalar | Function, ...], beats: Callable[[Any, Any], Any]) -> Scalar:
+    if not parts:
+        raise InvalidInputError("minimum, maximum: got nothing, expected functions h(x, t)")
+    functions = [part.traced if isinstance(part, Function) else part for part in parts]
+    jnp = import_jax("minimum, maximum").numpy
+
+    def extreme(x: Any, t: Any) -> Any:
+        value, *others = (h(x, t) for h in functions)
+        for other in others:
+            value = jnp.where(beats(other, value), other, value)  # one part's derivatives
+        return value
+
+    return extreme

@@ -19,9 +19,9 @@ MOST = 8
 class FunctionCache:
     """Compiles the first `MOST` tuples of functions that it meets, and holds no others.
 
-    The functions of a later tuple that stand in one of these are compiled one by one: what a sensor
-    sees may change in number. Functions that are new again are evaluated without compiling,
-    which is slow, and a warning says once how to avoid it.
+    The functions of a later tuple that are in one of these are compiled one by one: what a sensor
+    sees may change in number. Functions that are new again are evaluated without compiling, which
+    is slow, with one warning.
 
     Args:
         model: ẋ = f(x) + g(x)u.
@@ -80,11 +80,7 @@ class FunctionCache:
 
 
 class SeparateRows:
-    """The rows of m functions, each evaluated by itself.
-
-    Args:
-        parts: m of them.
-    """
+    """The rows of m functions, each evaluated alone."""
 
     def __init__(self, parts: Sequence[FunctionRows]) -> None:
         self._parts = parts

@@ -25,9 +25,8 @@ class RowsKernel:
     :math:`a = L_g ψ_{r−1}`, :math:`b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t`.
 
     The relative degree is the least r at which L_g ψ differs from 0 at a sampled state. Every call
-    checks that no input appears earlier. Where L_g ψ vanishes at a state, a is 0; b then says
-    that the row is violated unless it holds whatever the input is. Where a derivative is not
-    finite, the row is not either.
+    checks that no input appears earlier. Where L_g ψ vanishes at a state, a is 0, and b > 0 is a
+    violation. Where a derivative is not finite, the row is not either.
 
     Args:
         model: ẋ = f(x) + g(x)u, with f and g in jax.numpy (the models of this package are).
@@ -64,12 +63,7 @@ class RowsKernel:
 
 
 class FunctionRows:
-    """The rows of m functions with their parameters, in each of N scenes.
-
-    Args:
-        kernel: made for functions of the same signatures.
-        scenes: N sequences of m ≥ 1 conditions.
-    """
+    """The rows of m functions in each of N scenes, of a kernel for their signatures."""
 
     def __init__(self, kernel: RowsKernel, scenes: Sequence[Sequence[Function]]) -> None:
         self._kernel = kernel
@@ -87,9 +81,9 @@ class FunctionRows:
             margin_rate: (N, m) d margin/dt.
 
         Returns:
-            (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning goes from 0
-            to 1: 0 where a row does not depend on the input or is not finite, less than 1 where
-            L_g ψ is small or turns at a kink of h.
+            (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning is 0 where
+            a row does not depend on the input or is not finite, and less than 1 where L_g ψ is
+            small or turns at a kink of h.
 
         Raises:
             InvalidInputError: if h is not finite, or an input appears below the relative degree.
@@ -107,7 +101,7 @@ class FunctionRows:
         return out
 
     def _refuse(self, h: Array, early: Array) -> None:
-        """Raise the error that says which function is wrong."""
+        """Raise the error of the function that is wrong."""
         for k, function in enumerate(self._functions):
             if not np.isfinite(h[..., k]).all():
                 raise InvalidInputError(f"{function.name}: got h = {h[..., k]}, expected finite h")
@@ -180,11 +174,9 @@ def _rows_kernel(
     reaches: Sequence[Reach],
     alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
 ) -> Callable[..., Any]:
-    """Return (x, t, margin, rate, parameters) → (m, n_u + 5).
+    """Return (x, t, margin, rate, parameters) → the entries of m rows, see `FunctionRows`.
 
-    The entries of a row are a, b, h, α₂(ψ), conditioning, early inputs.
-
-    The last is nan where h is not finite, so that one comparison finds both.
+    Early inputs are nan where h is not finite, so that one comparison finds both.
     """
     jax = import_jax("barriers.Function")
     jnp = jax.numpy
@@ -205,9 +197,9 @@ def _rows_kernel(
         b = -bound - _lie(model, psi)(x, t)
         size = _largest(jnp, a)
         h = value(x, t)
-        bend = _bend(jnp, value, x, t)
+        turn = _kink(jnp, value, x, t)
         gone = size <= VANISHED * scale
-        conditioning = jnp.where(size < scale, size / scale, 1.0) * (1.0 - bend)
+        conditioning = jnp.where(size < scale, size / scale, 1.0) * (1.0 - turn)
         return [
             *(jnp.where(gone, 0.0, entry) for entry in a),
             b,
@@ -230,10 +222,7 @@ def _rows_kernel(
 
 
 def _packed(kernel: Callable[..., Any], n: int, m: int) -> Callable[[Any], Any]:
-    """Return the kernel with one array in, and one out, (m, n_u + 5).
-
-    Every array that JAX takes costs several microseconds.
-    """
+    """Return the kernel with one array in, and one out: each costs several microseconds."""
     jnp = import_jax("barriers.Function").numpy
 
     def packed(inputs: Any) -> Any:
@@ -251,7 +240,7 @@ def _largest(jnp: Any, values: Sequence[Any]) -> Any:
     return largest
 
 
-def _bend(jnp: Any, h: Scalar, x: Any, t: Any) -> Any:
+def _kink(jnp: Any, h: Scalar, x: Any, t: Any) -> Any:
     """Return how much h turns within `_PROBE` of x: 0 where it is smooth, up to 1 at a kink."""
     probe = _PROBE * (1.0 + jnp.abs(x)) * np.cos(np.arange(1.0, x.shape[0] + 1.0))
     here = h(x, t)

@@ -10,36 +10,17 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.function_cache import FunctionCache
-from hcbf_gym.barriers.general_kernels import (
-    CONDITIONING,
-    ELSEWHERE,
-    MARGIN,
-    RATE,
-    WIDTH,
-    Scene,
-    jet_width,
-    pack,
-)
-from hcbf_gym.barriers.jets import checked, is_plain
-from hcbf_gym.barriers.kinks import SMOOTH, Kinks
+from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.prepared import (
-    Group,
-    Prepared,
-    are_same,
-    blocks,
-    filled,
-    function_at,
-    margins,
-)
+from hcbf_gym.barriers.prepared import Conditions, Group, Prepared, prepared
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.barriers.rows import ALPHA2_PSI, B, CbfRows, H
+from hcbf_gym.barriers.rows import ALPHA2_PSI, CONDITIONING, MARGIN, RATE, WIDTH, B, CbfRows, H
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import (
@@ -55,8 +36,7 @@ from hcbf_gym.errors import (
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _BOUNDED = {*SHAPES} - {HalfPlane}  # which read both positions, whatever their numbers are
-OF_H = -4
-"""Where the rows of functions have h."""
+_OF_H = -4  # where the rows of functions have h
 _NO_JACOBIAN = np.zeros((1, 0, 0))
 
 
@@ -64,18 +44,17 @@ class GeneralRows:
     r"""Rows ``a·u ≥ b`` for any model and any mix of barriers.
 
     With r the relative degree, :math:`ψ_0 = h − \text{margin}`,
-    :math:`ψ_k = \dot ψ_{k−1} + α_1(ψ_{k−1})` for k < r, and the row asks for
+    :math:`ψ_k = \dot ψ_{k−1} + α_1(ψ_{k−1})` for k < r, and the row requests
     :math:`\dot ψ_{r−1}(x, u) ≥ −α_2(ψ_{r−1})`:
 
     .. math::
         a = L_g ψ_{r−1}, \qquad b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t.
 
-    Where r is 2 and ψ_1 below zero, the row asks at least for a stop at h = margin, if U can (see
+    Where r is 2 and ψ_1 below zero, the row requests at least a stop at h = margin, if U can (see
     rows.hpp).
 
-    r is found by looking at sampled states, once for each class of barrier that reads the same
-    states. It is the least order at which *any* input appears: inputs that would appear later
-    are not in the row, so that the filter leaves them free; `late_inputs` finds them. Where a
+    r is the least order at which *any* input appears, at sampled states: inputs that would appear
+    later are not in the row, so that the filter leaves them free; `late_inputs` finds them. Where a
     row's L_g ψ vanishes at a state, its a is set to 0: no input helps or harms there, and b > 0
     then counts as a violation.
 
@@ -147,27 +126,24 @@ class GeneralRows:
             raise InvalidInputError(
                 f"rows: got x of shape {x.shape}, expected ({self.model.n},) or (N, {self.model.n})"
             )
-        prepared = self.prepare([tuple(barriers)] * count)
+        scenes = self.prepare([tuple(barriers)] * count)
         out = np.zeros((count, m, WIDTH + self.model.n_u))
-        kept = kept if kept.ndim else prepared.margins(float(kept))
+        kept = kept if kept.ndim else scenes.margins(float(kept))
         out[..., MARGIN] = _fitted("margin", kept, (count, m))
         out[..., RATE] = _fitted("margin_rate", margin_rate, (count, m))
         times = np.array(_fitted("t", t, (count,)))
-        self._write(prepared, states, times, self.model.terms_of(states), out, kinks)
-        if not np.isfinite(out[..., H]).all():
-            for i, k in zip(*np.nonzero(~np.isfinite(out[..., H])), strict=True):
-                barrier = barriers[k]
-                if not isinstance(barrier, Function):
-                    checked(barrier, barrier.jet(states[i], float(times[i])), self.model.n)
-        out, ranks = (out[0], prepared.priority[0]) if x.ndim == 1 else (out, prepared.priority)
+        self._write(scenes, states, times, self.model.terms_of(states), out, kinks)
+        for i, k in np.argwhere(~np.isfinite(out[..., H])):
+            if not isinstance(barriers[k], Function):
+                checked(barriers[k], barriers[k].jet(states[i], float(times[i])), self.model.n)
+        out, ranks = (out[0], scenes.priority[0]) if x.ndim == 1 else (out, scenes.priority)
         self.conditioning = out[..., CONDITIONING]
-        a, numbers = out[..., WIDTH:].copy(), (out[..., q].copy() for q in (B, H, ALPHA2_PSI))
-        b, h, alpha2_psi = numbers
-        return CbfRows(a, b, h, ranks, alpha2_psi)
+        b, h, alpha2_psi = (out[..., column].copy() for column in (B, H, ALPHA2_PSI))
+        return CbfRows(out[..., WIDTH:].copy(), b, h, ranks, alpha2_psi)
 
     def write(
         self,
-        prepared: Prepared,
+        scenes: Prepared,
         x: Array,
         t: Array,
         terms: tuple[Array, Array],
@@ -177,29 +153,29 @@ class GeneralRows:
         """Write the rows of N states; NaN into those of scenes that give none.
 
         Args:
-            prepared: the barriers of N scenes.
+            scenes: their barriers.
             x: (N, n) states.
             t: (N,) times [s].
             terms: f (N, n) and g (N, n, n_u) at x.
-            out: (N, m, WIDTH + n_u) with m and ṁ, see `general_kernels.MARGIN`.
+            out: (N, m, WIDTH + n_u) with m and ṁ, see `rows.MARGIN`.
             kinks: as in a call.
         """
         try:
-            self._write(prepared, x, t, terms, out, kinks)
+            self._write(scenes, x, t, terms, out, kinks)
         except UNREADABLE:
             if len(x) == 1:
                 out[..., B] = np.nan
                 return
             for i in range(len(x)):
                 one = slice(i, i + 1)
-                part = self.prepared([prepared.scenes[i]])
-                part.scene.parameters[:] = prepared.scene.parameters[one]
+                part = prepared(BarrierSet([scenes.scenes[i]]), self.functions, self.reach)
+                part.scene.parameters[:] = scenes.scene.parameters[one]
                 here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
                 self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one], here)
 
     def _write(
         self,
-        prepared: Prepared,
+        scenes: Prepared,
         x: Array,
         t: Array,
         terms: tuple[Array, Array],
@@ -209,68 +185,38 @@ class GeneralRows:
         """Write the rows of N states; what users' own code raises is raised."""
         n, (f, g) = self.model.n, terms
         known, first = kinks or (self.kinks, 0)
-        count, m = prepared.priority.shape
-        jets = np.zeros((count, m if prepared.custom else 0, jet_width(n)))
-        for i, k, barrier in prepared.custom:
-            pack(self._jet(barrier, x[i], float(t[i]), (known, first + i)), jets[i, k])
-        jacobian = _NO_JACOBIAN
-        if prepared.turns:
-            jacobian = self.model.jacobians_of(x)
-        lags = _core.general_rows(*prepared.scene, jets, x, t, f, g, jacobian, self._alphas, out)
-        for group in prepared.groups:
-            scenes, places, rows = group
-            here = np.ix_(scenes, places)
-            reserved = out[here]
-            made = rows(x[scenes], t[scenes], reserved[..., MARGIN], reserved[..., RATE])
+        count, m = scenes.priority.shape
+        jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
+        for i, k, barrier in scenes.custom:
+            jet = known.jet(self.model, barrier, x[i], float(t[i]), first + i)
+            jets[i, k, :3] = jet.h, jet.rate, jet.rate_rate
+            jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
+            jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
+        jacobian = self.model.jacobians_of(x) if scenes.turns else _NO_JACOBIAN
+        lags = _core.general_rows(*scenes.scene, jets, x, t, f, g, jacobian, self._alphas, out)
+        for group in scenes.groups:
+            here = np.ix_(group.scenes, group.places)
+            reserved, at = out[here], (x[group.scenes], t[group.scenes])
+            made = group.rows(*at, reserved[..., MARGIN], reserved[..., RATE])
             if not math.isfinite(made.sum()):
-                made = self._beside(prepared, group, made, (x, t, reserved), (known, first))
-            degrees = prepared.scene.degree[scenes[0], places]
+                made = self._beside(scenes, group, made, (x, t, reserved), (known, first))
+            degrees = scenes.scene.degree[group.scenes[0], group.places]
             lags |= _core.function_rows(made, degrees, self._alphas[1], reserved)
             out[here] = reserved
         if lags and self._most is not None:
-            self._recover(prepared, self._most, out)
-
-    def _jet(self, barrier: Barrier, x: Array, t: float, kinks: tuple[Kinks, int]) -> Jet:
-        """Return h and its derivatives; those beside x where they are not finite there.
-
-        Raises:
-            InvalidInputError: if the barrier returns no jet, h is not finite, or neither are the
-                derivatives beside x.
-        """
-        jet, n = barrier.jet(x, t), self.model.n
-        if isinstance(jet, Jet) and is_plain(jet, n):
-            return jet
-        jet = checked(barrier, jet, n, finite=False)
-        if all(np.isfinite(field).all() for field in jet):
-            return jet
-        if not np.isfinite(jet.h):
-            raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-        known, i = kinks
-        for beside in known.beside(self.model, x, i):
-            other = checked(barrier, barrier.jet(beside, t), n, finite=False)
-            if all(np.isfinite(field).all() for field in other):
-                known.warn(barrier, x)
-                return other._replace(h=jet.h)
-        raise InvalidInputError(
-            f"{barrier.name}: the gradient of h is not finite at x = {x.tolist()}; {SMOOTH}"
-        )
+            self._recover(scenes, self._most, out)
 
     def _beside(
         self,
-        prepared: Prepared,
+        scenes: Prepared,
         group: Group,
         made: Array,
         at: tuple[Array, Array, Array],
         kinks: tuple[Kinks, int],
     ) -> Array:
-        """Return rows of functions; those beside x where they are not finite there.
+        """Return rows of a group of functions; those beside x where they are not finite there.
 
-        Args:
-            prepared: the barriers of N scenes.
-            group: the functions.
-            made: their rows, see `FunctionRows`.
-            at: x (N, n) and t (N,) of all scenes [s], and what rows of the group reserve.
-            kinks: as `_write` takes it.
+        `at` has x (N, n) and t (N,) of all scenes [s], and what the rows reserve.
         """
         (x, t, reserved), (known, first), made = at, kinks, made.copy()
         for j, k in np.argwhere(~np.isfinite(made).all(axis=2)):
@@ -281,100 +227,28 @@ class GeneralRows:
                 times = t[group.scenes]
                 row = group.rows(moved, times, reserved[..., MARGIN], reserved[..., RATE])[j, k]
                 if np.isfinite(row).all():
-                    known.warn(prepared.scenes[i][group.places[k]], x[i])
-                    h, made[j, k] = made[j, k, OF_H], row
-                    made[j, k, OF_H] = h
+                    known.warn(scenes.scenes[i][group.places[k]], x[i])
+                    h, made[j, k] = made[j, k, _OF_H], row
+                    made[j, k, _OF_H] = h
                     break
         return made
 
-    def _recover(self, prepared: Prepared, most: Callable[[Array], float], out: Array) -> None:
-        """Let rows ask for a stop where ψ_1 is below zero."""
-        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (prepared.scene.degree == 2)):
+    def _recover(self, scenes: Prepared, most: Callable[[Array], float], out: Array) -> None:
+        """Let rows request a stop where ψ_1 is below zero."""
+        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.scene.degree == 2)):
             row = out[i, k]
             _core.recover_row(self._alphas, most(row[WIDTH:]), row)
 
-    def prepare(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
-        """Return what is known of N scenes, looked up once while these are the same."""
-        kept = self._latest  # filters in other threads share these rows
-        if kept is None or len(kept.scenes) != len(scenes) or not are_same(kept.scenes, scenes):
-            self._latest = kept = self.prepared(scenes)
-        return kept
-
-    def prepared(self, scenes: Sequence[tuple[Barrier, ...]]) -> Prepared:
-        """Return what is known of the barriers of N scenes.
+    def prepare(self, scenes: Sequence[Conditions]) -> Prepared:
+        """Return what is known of N scenes, looked up once while these are the same.
 
         Raises:
-            InvalidInputError: if no input reaches one.
+            InvalidInputError: if no input reaches a barrier.
         """
-        count = len(scenes)
-        if count > 1 and all(scene is scenes[0] for scene in scenes):
-            return self._repeated(self.prepared(scenes[:1]), count)
-        groups = self._groups(scenes)
-        of_functions = {
-            (int(i), int(k)): reach
-            for group in groups
-            for i in group.scenes
-            for k, reach in zip(group.places, group.rows.reaches, strict=True)
-        }
-        reaches = [
-            [of_functions.get((i, k)) or self.reach(barrier) for k, barrier in enumerate(scene)]
-            for i, scene in enumerate(scenes)
-        ]
-        degrees = [[reach.degree for reach in one] for one in reaches]
-        kind, parameters = blocks(scenes)
-        degree = filled(degrees, kind.shape, np.int64)
-        custom = [(int(i), int(k), scenes[i][k]) for i, k in np.argwhere(kind == layout.CUSTOM)]
-        ranks = [[barrier.priority for barrier in scene] for scene in scenes]
-        zero, one = (
-            filled([margins(scene, m).tolist() for scene in scenes], kind.shape, np.float64)
-            for m in (0.0, 1.0)
-        )
-        return Prepared(
-            tuple(scenes),
-            groups,
-            custom,
-            Scene(kind, parameters, degree),
-            reaches,
-            bool((degree[kind != ELSEWHERE] == 2).any()),
-            filled(ranks, kind.shape, np.int64),
-            zero,
-            one - zero,
-        )
-
-    def _repeated(self, one: Prepared, count: int) -> Prepared:
-        """Return what is known of N scenes that are the same."""
-        kind, parameters, degree = one.scene
-        everywhere = np.arange(count)
-        return one._replace(
-            scenes=one.scenes * count,
-            groups=self._groups(one.scenes * count) if one.groups else [],
-            custom=[(int(i), k, barrier) for i in everywhere for _, k, barrier in one.custom],
-            scene=Scene(
-                np.repeat(kind, count, axis=0),
-                np.repeat(parameters, count, axis=0),
-                np.repeat(degree, count, axis=0),
-            ),
-            priority=np.repeat(one.priority, count, axis=0),
-            least=np.repeat(one.least, count, axis=0),
-            share=np.repeat(one.share, count, axis=0),
-        )
-
-    def _groups(self, scenes: Sequence[tuple[Barrier, ...]]) -> list[Group]:
-        """Return the functions of N scenes, those of the same signatures together."""
-        found: dict[tuple[tuple[int, ...], tuple[object, ...]], list[int]] = {}
-        for i, scene in enumerate(scenes):
-            places = tuple(k for k, barrier in enumerate(scene) if isinstance(barrier, Function))
-            if places:
-                key = places, tuple(function_at(scene, k).signature for k in places)
-                found.setdefault(key, []).append(i)
-        return [
-            Group(
-                np.array(members),
-                np.array(places),
-                self.functions.rows([[function_at(scenes[i], k) for k in places] for i in members]),
-            )
-            for (places, _), members in found.items()
-        ]
+        kept = self._latest  # filters in other threads share these rows
+        if kept is None or not kept.is_of(scenes):
+            self._latest = kept = prepared(BarrierSet(scenes), self.functions, self.reach)
+        return kept
 
     def reach(self, barrier: Barrier) -> Reach:
         """Return how inputs reach a barrier.
@@ -418,7 +292,7 @@ def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
 
 
 def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
-    """Return barriers as a tuple, what stands for several of them one by one.
+    """Return barriers as a tuple, those of a `Several` one by one.
 
     Raises:
         InvalidInputError: if they are no sequence of barriers.

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.barrier import Barrier
-from hcbf_gym.errors import SafetyWarning, warn_caller
+from hcbf_gym.barriers.barrier import Barrier, Jet, checked, is_plain
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, warn_caller
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 STEP = 1e-6
@@ -20,11 +20,10 @@ SMOOTH = (
     "expected a smooth formula, such as jnp.sqrt(s + 1e-6) in the place of jnp.sqrt(s), and a "
     "minimum of functions as a condition of the same rank for each"
 )
-"""The remedy."""
 
 
 class Kinks:
-    """Names the states beside a kink, and warns once of each barrier that has one.
+    """The states beside a kink, and a warning once of each barrier that has one.
 
     Attributes:
         u: (n_u,) or (N, n_u) u* of the plants; None where it is not known.
@@ -48,6 +47,30 @@ class Kinks:
             size = float(np.linalg.norm(d))
             if 0.0 < size < np.inf:
                 yield x + STEP / size * d
+
+    def jet(self, model: ReducedOrderModel, barrier: Barrier, x: Array, t: float, i: int) -> Jet:
+        """Return a barrier's jet at x (n,) of plant i; beside x where it is not finite there.
+
+        Raises:
+            InvalidInputError: if it is no jet, h is not finite, or neither are the derivatives
+                beside x.
+        """
+        jet = barrier.jet(x, t)
+        if isinstance(jet, Jet) and is_plain(jet, model.n):
+            return jet
+        jet = checked(barrier, jet, model.n, finite=False)
+        if all(np.isfinite(field).all() for field in jet):
+            return jet
+        if not np.isfinite(jet.h):
+            raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
+        for beside in self.beside(model, x, i):
+            other = checked(barrier, barrier.jet(beside, t), model.n, finite=False)
+            if all(np.isfinite(field).all() for field in other):
+                self.warn(barrier, x)
+                return other._replace(h=jet.h)
+        raise InvalidInputError(
+            f"{barrier.name}: the gradient of h is not finite at x = {x.tolist()}; {SMOOTH}"
+        )
 
     def warn(self, barrier: Barrier, x: Array) -> None:
         """Warn that the derivatives of a barrier are not those at x (n,), once."""

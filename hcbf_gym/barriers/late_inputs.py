@@ -1,13 +1,12 @@
-r"""Inputs that reach a barrier too late to stand in its row.
+r"""Inputs that reach a barrier too late to be in its row.
 
 A row holds the inputs that enter the derivative of h which any input enters first. Where another
 input moves h by a later derivative, the filter leaves it to the policy, which may use it against
 the row: a car that may only be steered around a disc is driven into it by the gas pedal.
 
-Which inputs move h at all is a matter of which state drives which. ẋ_i depends on x_k where f_i or
-a g_ij changes with x_k at sampled states, and input j drives x_i where g_ij differs from 0 there.
-The number of links from an input to a state that h reads is the derivative that it enters first,
-unless terms cancel.
+ẋ_i depends on x_k where f_i or a g_ij changes with x_k at sampled states, and input j drives x_i
+where g_ij differs from 0 there. The number of links from an input to a state that h reads is the
+derivative that it enters first, unless terms cancel.
 """
 
 from collections.abc import Sequence
@@ -32,21 +31,13 @@ REMEDY = (
 
 
 class Links(NamedTuple):
-    """What drives what in a model.
+    """Which states and inputs drive which states of a model."""
 
-    Attributes:
-        states: (n, n) whether ẋ_i depends on x_k.
-        inputs: (n, n_u) whether input j drives x_i.
-    """
-
-    states: Mask
-    inputs: Mask
+    states: Mask  # (n, n) whether ẋ_i depends on x_k
+    inputs: Mask  # (n, n_u) whether input j drives x_i
 
     def degrees(self, reads: Mask) -> NDArray[np.int64]:
-        """Return (n_u,) by which derivative each input enters a function of the states `reads`.
-
-        0 stands for never.
-        """
+        """Return (n_u,) by which derivative inputs enter a function of states `reads`; 0: never."""
         degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
         reached = reads
         for degree in range(1, reads.size + 1):
@@ -56,7 +47,7 @@ class Links(NamedTuple):
 
 
 def links_of(model: ReducedOrderModel) -> Links:
-    """Return what drives what, as sampled states show it."""
+    """Return the links of a model, as sampled states show them."""
     n = model.n
     states, inputs = np.zeros((n, n), dtype=np.bool_), np.zeros((n, model.n_u), dtype=np.bool_)
     for x in samples(model)[0]:
@@ -72,11 +63,7 @@ def links_of(model: ReducedOrderModel) -> Links:
 
 
 class LateInputs:
-    """Finds barriers whose row misses an input that moves h by a later derivative.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-    """
+    """Finds barriers whose row misses an input that moves h by a later derivative."""
 
     def __init__(self, model: ReducedOrderModel) -> None:
         self._model = model
@@ -84,12 +71,7 @@ class LateInputs:
         self._late: dict[bytes, bool] = {}
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
-        """Return a sentence for each such barrier.
-
-        Args:
-            barriers: m conditions.
-            reaches: (m,) how inputs reach each of them.
-        """
+        """Return a sentence for each such barrier, of m conditions with their reaches."""
         found = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()

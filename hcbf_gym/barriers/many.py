@@ -38,9 +38,8 @@ class Several(ABC):
 class Shapes:
     """k barriers of one shape and one rank, one element of a scene.
 
-    They become rows without an object of their own, so that a scan of 360 points costs some
-    microseconds. For two-input filters of the planar double integrator. The arrays are copied, so
-    that an object never changes.
+    They become rows without an object of each, so that a scan of 360 points costs some
+    microseconds. For two-input filters of the planar double integrator. The arrays are copied.
 
     Args:
         name: what messages call them.
@@ -57,8 +56,8 @@ class Shapes:
         InvalidInputError: if a number is not finite or out of range, or the array of another shape.
 
     Attributes:
-        kind: which kernel evaluates them, see `layout`.
-        parameters: (k, WIDTH) or (N, k, WIDTH) what it reads.
+        kind: their code, see `layout`.
+        parameters: (k, WIDTH) or (N, k, WIDTH) what compiled code reads.
 
     Examples:
         >>> from hcbf_gym import barriers

@@ -1,7 +1,7 @@
-"""Classes of a map as barriers, and the pieces of them that a filter takes at one state.
+"""Classes of a map as barriers, and the atlas of their pieces.
 
 A class is one condition, h its least over all pieces. A filter gives each piece within the braking
-horizon a row of its own. `docs/rows.md` proves that beyond it nothing can go wrong: whatever input
+horizon its own row. `docs/rows.md` proves that beyond it nothing can go wrong: whatever input
 of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
 """
 
@@ -12,9 +12,8 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers import layout, zone
+from hcbf_gym.barriers import layout, speed_limit
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.barriers.layout import MAPPED, ZONES
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
@@ -25,7 +24,8 @@ from hcbf_gym.models.grid import Grid
 class Mapped(Barrier):
     """What classes of a map and scans share: pieces, and what is reserved around them.
 
-    For two-input filters of the planar double integrator.
+    For two-input filters of the planar double integrator. Equal are the same objects alone: to
+    compare all cells would take too long.
 
     Args:
         name: what tables and figures call it.
@@ -36,13 +36,12 @@ class Mapped(Barrier):
 
     pieces: Pieces = field(kw_only=True)
     margin: float = 0.0
-    code: ClassVar[int] = MAPPED
+    code: ClassVar[int] = layout.MAPPED
+    __hash__ = object.__hash__
 
     def __eq__(self, other: object) -> bool:
-        """Return whether they are the same object: to compare all cells would take too long."""
+        """Return whether they are the same object."""
         return self is other
-
-    __hash__ = object.__hash__
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,14 +59,14 @@ class Mapped(Barrier):
         return replace(self, pieces=self.pieces.moved(step))
 
     def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
-        """Return what lies about as near as the nearest piece: (k,) distances, nearest first.
+        """Return what is about as near as the nearest piece, nearest first.
 
         Args:
             x: position first [m].
             beyond: how much farther than the nearest the others may be [m].
 
         Returns:
-            The signed distances [m], and their gradients (k, 2).
+            The signed distances (k,) [m], and their gradients (k, 2).
         """
         packed, at = self.pieces.packed, (float(x[0]), float(x[1]))
         reach = max(0.0, _core.pieces_nearest(packed, 0, *at)[0]) + beyond
@@ -78,6 +77,11 @@ class Mapped(Barrier):
         seen = seen[np.lexsort(seen.T[::-1])]
         return seen[:, 0], seen[:, 1:]
 
+    def nearest(self, x: Array) -> tuple[float, Array]:
+        """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
+        h, gx, gy = _core.pieces_jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
+        return h, np.array([gx, gy])
+
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its gradient, whose turn at corners is left out."""
         n = len(x)
@@ -85,11 +89,6 @@ class Mapped(Barrier):
         gradient = np.zeros(n)
         gradient[:2] = normal
         return Jet(h, gradient, np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
-
-    def nearest(self, x: Array) -> tuple[float, Array]:
-        """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
-        h, gx, gy = _core.pieces_jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
-        return h, np.array([gx, gy])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +113,7 @@ class MappedRegion(OnGrid):
     """The outside of the cells of a class: h is the signed distance to the nearest piece.
 
     Args:
-        beyond: whether all that lies outside the grid belongs to the class; the pieces cover it.
+        beyond: whether all outside the grid belongs to the class; the pieces cover it.
     """
 
     beyond: bool = field(default=False, kw_only=True)
@@ -135,13 +134,13 @@ class SeenRegion(Mapped):
     speed: float = 0.0
 
     def margin_at(self, age: float) -> float:
-        """Return what is reserved at an age [s]: what may have come in the meantime, too [m]."""
+        """Return what is reserved at an age [s], also for what may have come since [m]."""
         return min(self.margin + self.speed * max(0.0, age - self.period), FARTHEST)
 
 
 @dataclass(frozen=True, eq=False)
 class MappedZone(OnGrid):
-    """A speed limit inside the cells of a class, before which the robot brakes; see `zone`.
+    """A speed limit inside the cells of a class, before which the robot brakes; see `speed_limit`.
 
     Args:
         limit: of the speed inside [m/s], positive.
@@ -149,7 +148,7 @@ class MappedZone(OnGrid):
 
     limit: float = field(kw_only=True)
     reads_position: ClassVar[bool] = False
-    code: ClassVar[int] = ZONES
+    code: ClassVar[int] = layout.ZONES
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -170,8 +169,80 @@ class MappedZone(OnGrid):
         distance, normal = self.nearest(x)
         away = max(0.0, distance - self.margin)
         gradient, hessian = np.zeros(n), np.zeros((n, n))
-        gradient[:2] = zone.BRAKING / self.limit * normal * (away > 0.0)
+        gradient[:2] = speed_limit.BRAKING / self.limit * normal * (away > 0.0)
         gradient[2:4] = -x[2:4] / self.limit
         hessian[2:4, 2:4] = -np.eye(2) / self.limit
         h = _core.zone_value(self.limit, away, float(x[2]), float(x[3]))
         return Jet(h, gradient, hessian, 0.0, np.zeros(n), 0.0)
+
+
+class Atlas:
+    """The pieces of all maps in a set of scenes, one behind another in one array.
+
+    What several scenes share is there once. What no scene holds any more is cleared away when room
+    is short.
+
+    Args:
+        before: its pieces are not copied, and no more is put there: a scan beside a large map
+            costs what the scan does.
+
+    Attributes:
+        numbers: (L,) `Pieces.packed` of all of them; None as long as there was none.
+        held: (scene, place) → the class of a map that is there.
+    """
+
+    def __init__(self, before: "Atlas | None" = None) -> None:
+        self.numbers: Array | None = None
+        self._before = before if before else None  # one without a map would lead to its own
+        self.held: dict[tuple[int, int], Mapped] = {}
+        self._begins: dict[Pieces, int] = {}  # by the objects: a copy of an atlas has its own
+        self._end = 0
+
+    def __bool__(self) -> bool:
+        """Return whether there is any map."""
+        return bool(self.held)
+
+    def hold(self, place: tuple[int, int], barrier: Mapped, parameters: Array) -> None:
+        """Put a class of a map at (scene, place), and write its block of parameters (N, m, WIDTH).
+
+        Where the pieces of others move, theirs are written, too.
+        """
+        if self._before is not None:
+            before, self._before = self._before, None
+            self.numbers, self._end = before.numbers, before._end
+            self._begins = before._begins.copy()
+        self.held[place] = barrier
+        pieces = barrier.pieces
+        if pieces not in self._begins:
+            if self.numbers is None or self._end + pieces.packed.size > self.numbers.size:
+                self._clear_away()
+                for other, one in self.held.items():
+                    one.write(parameters[other], self._begins[one.pieces])
+                return
+            self._append(self.numbers, pieces)
+        barrier.write(parameters[place], self._begins[pieces])
+
+    def of(self, places: dict[int, int]) -> "Atlas":
+        """Return what some scenes hold, and the same numbers, to which no more is written.
+
+        Args:
+            places: number of each scene → its number in the new set.
+        """
+        chosen = Atlas()
+        chosen.numbers = self.numbers
+        chosen._end = 0 if self.numbers is None else self.numbers.size  # more needs new room
+        chosen.held = {(places[i], k): one for (i, k), one in self.held.items() if i in places}
+        return chosen
+
+    def _append(self, numbers: Array, pieces: Pieces) -> None:
+        begin, self._end = self._end, self._end + pieces.packed.size
+        numbers[begin : self._end] = pieces.packed
+        self._begins[pieces] = begin
+
+    def _clear_away(self) -> None:
+        """Retain what is held alone, with as much room again."""
+        alive = dict.fromkeys(one.pieces for one in self.held.values())
+        self.numbers = np.zeros(2 * sum(pieces.packed.size for pieces in alive))
+        self._begins, self._end = {}, 0
+        for pieces in alive:
+            self._append(self.numbers, pieces)

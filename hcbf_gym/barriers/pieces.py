@@ -1,9 +1,9 @@
 """Many convex polygons in one array of numbers, with buckets that find those near a point.
 
-The array is what compiled code reads; several stand behind one another in an *atlas*, and `at` is
+The array is what compiled code reads; several are one behind another in an *atlas*, and `at` is
 where one of them begins. Buckets are squares in the frame of the map's grid, so that pieces along
-its axes lie in few of them. A piece stands in all buckets that its box meets, and is reported from
-the first of those that a search visits.
+its axes are in few of them. A piece is in all buckets that its box meets, and is reported from the
+first of those that a search visits.
 
 Places in the array are numbers of it, exact as doubles up to 2⁵³: one array is one argument of
 every compiled call, and the pieces of another map follow without a table of their own.
@@ -18,12 +18,8 @@ from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shapes import convex_polygon
 
-COUNT, SIDE, COLUMNS, ROWS, X, Y, COS, SIN, STARTS, ITEMS, RINGS, BOXES, BLOCKS = range(13)
-"""Where the head of the array holds how many pieces there are, the buckets' side [m], columns and
-rows, the frame's origin and turn, and where the lists begin, counted from the head."""
-
-BOX = 8
-"""Numbers of a piece's box: least and greatest u and v in the frame [m], and its buckets."""
+COUNT, BLOCKS = 0, 12
+"""Where the head of the array has how many pieces there are, and where their blocks begin."""
 
 Frame = tuple[float, float, float]
 
@@ -32,11 +28,11 @@ class Pieces:
     """P convex polygons.
 
     Args:
-        corners: (P, 8, 2) of each piece, counter-clockwise [m]; what lies beyond `count` counts
-            not.
+        corners: (P, 8, 2) of each piece, counter-clockwise [m]; what is beyond `count` does not
+            matter.
         count: (P,) corners of each, 3 to 8.
         frame: x [m], y [m] and yaw [rad] of the grid's origin.
-        around: how many of them, the last, lie around the others and reach far beyond: buckets are
+        around: how many of them, the last, are around the others and reach far beyond: buckets are
             made for the others.
         used: what of their margin errors of measurement may use [m], of at most 7 corners each.
 
@@ -54,9 +50,8 @@ class Pieces:
         blocks[:, convex_polygon.FIRST : convex_polygon.FIRST + kept.shape[1]] = kept
         if used > 0.0:
             blocks[:, convex_polygon.USED] = used
-        x, y, yaw = frame
         self._frame, self._around, self._used = frame, around, used
-        self.packed = _core.pieces_packed(blocks, x, y, yaw, len(count) - around)
+        self.packed = _core.pieces_packed(blocks, *frame, len(count) - around)
         self.packed.flags.writeable = False
 
     def __len__(self) -> int:
@@ -65,20 +60,21 @@ class Pieces:
 
     def moved(self, step: Array) -> "Pieces":
         """Return the same pieces a step (2,) [m] away."""
-        blocks = self.packed[int(self.packed[BLOCKS]) :].reshape(len(self), layout.WIDTH)
-        corners = blocks[:, convex_polygon.FIRST :].reshape(len(self), -1, 2) + step
+        corners = self._blocks[:, convex_polygon.FIRST :].reshape(len(self), -1, 2) + step
         x, y, yaw = self._frame
         frame = x + float(step[0]), y + float(step[1]), yaw
-        count = blocks[:, convex_polygon.COUNT].astype(np.int64)
+        count = self._blocks[:, convex_polygon.COUNT].astype(np.int64)
         return Pieces(corners, count, frame, self._around, self._used)
+
+    @property
+    def _blocks(self) -> Array:
+        return self.packed[int(self.packed[BLOCKS]) :].reshape(len(self), layout.WIDTH)
 
     @cached_property
     def polygons(self) -> list[Array]:
         """The corners (k, 2) of each piece [m]."""
-        first = int(self.packed[BLOCKS])
-        blocks = self.packed[first:].reshape(len(self), layout.WIDTH)
-        ends = convex_polygon.FIRST + 2 * blocks[:, convex_polygon.COUNT].astype(np.int64)
+        ends = convex_polygon.FIRST + 2 * self._blocks[:, convex_polygon.COUNT].astype(np.int64)
         return [
             block[convex_polygon.FIRST : end].reshape(-1, 2)
-            for block, end in zip(blocks, ends, strict=True)
+            for block, end in zip(self._blocks, ends, strict=True)
         ]

@@ -1,6 +1,6 @@
 """Since when shapes count: from the time at which their object was first returned or set.
 
-A new object describes the world now, and the same object moves on with its velocity. A shape that
+A new object describes the world now, and the same object moves with its velocity. A shape that
 counts from t₀ is written as of time 0 of the plant's clock, p₀ − w t₀, so that all that reads its
 block needs the plant's time alone. A `Function` and a class with a `jet` read that time themselves.
 """
@@ -22,10 +22,7 @@ _NEW = -1
 
 
 class Placing:
-    """Since when the shapes of N plants count, on the clock of each plant.
-
-    Args:
-        count: N.
+    """Since when the shapes of `count` plants count, on the clock of each plant.
 
     Attributes:
         is_due: whether a plant has begun, or its clock went back, since scenes were placed last.
@@ -55,7 +52,7 @@ class Placing:
         Args:
             given: as it was returned or set.
             now: (N,) the plants' times [s].
-            since: from when all of them count [s]; None for the law of this module.
+            since: from when all of them count [s]; None as this module has it.
         """
         if given.is_placed:
             since = 0.0
@@ -105,7 +102,7 @@ class Placing:
         return found
 
     def _moved(self, given: BarrierSet) -> BarrierSet:
-        """Return a set like the given one, whose shapes are written as of time 0."""
+        """Return the set with its shapes as of time 0."""
         steps = -self._since[..., None] * given.parameters[..., _VELOCITY]
         moved = given.is_region & (steps != 0.0).any(axis=2)
         own = self._own(given)
@@ -142,5 +139,5 @@ class Placing:
 
 
 def _elsewhere(one: PlanarBarrier, step: Array) -> Barrier:
-    """Return a shape elsewhere; a user's own kind of shape is looked at as it is."""
+    """Return a shape elsewhere; a user's own kind of shape is not asked to move itself."""
     return one.moved(step) if type(one) in SHAPES else PlanarBarrier.moved(one, step)

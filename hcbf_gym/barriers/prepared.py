@@ -1,36 +1,37 @@
-"""The barriers of N scenes, with what stays the same from state to state."""
+"""The barriers of N scenes of any model, with what stays the same from state to state."""
 
-import itertools
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
 
 from hcbf_gym.arrays import Array, Integers
-from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import SeparateRows
+from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
 from hcbf_gym.barriers.function_rows import FunctionRows
-from hcbf_gym.barriers.general_kernels import ELSEWHERE, Scene
+from hcbf_gym.barriers.layout import ELSEWHERE
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.shapes import SHAPES
-from hcbf_gym.barriers.speed_limit import SpeedLimit
+from hcbf_gym.barriers.set import BarrierSet
+
+Conditions = tuple[Barrier, ...]
+
+
+class Scene(NamedTuple):
+    """The barriers of N scenes, as compiled code reads them."""
+
+    kind: Integers  # (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`
+    parameters: Array  # (N, m, WIDTH) the blocks of built-in ones
+    degree: Integers  # (N, m) the derivative of h that an input enters first, 1 or 2
 
 
 class Group(NamedTuple):
-    """Functions of the same signatures, at the same places of some scenes.
+    """Functions of the same signatures, at the same places of some scenes."""
 
-    Attributes:
-        scenes: (K,) which of N scenes.
-        places: (k,) of m.
-        rows: what makes their rows.
-    """
-
-    scenes: Integers
-    places: Integers
+    scenes: Integers  # (K,) which of N
+    places: Integers  # (k,) of m
     rows: FunctionRows | SeparateRows
 
 
@@ -41,15 +42,15 @@ class Prepared(NamedTuple):
         scenes: N tuples of at most m of them; behind a shorter one there is no row.
         groups: those that are functions.
         custom: scene, place and barrier of users' own classes.
-        scene: the others, as compiled code reads them.
+        scene: the others.
         reaches: how inputs reach the barriers of each scene, of the first alone where all are one.
         turns: whether an input enters the second derivative of a barrier that is no function.
         priority: (N, m), 0 where there is no row.
-        least: (N, m) what a row reserves by itself: a speed limit's margin.
+        least: (N, m) what a row reserves itself: a speed limit's margin.
         share: (N, m) how much of a margin on the position a row reserves.
     """
 
-    scenes: tuple[tuple[Barrier, ...], ...]
+    scenes: tuple[Conditions, ...]
     groups: list[Group]
     custom: list[tuple[int, int, Barrier]]
     scene: Scene
@@ -74,68 +75,71 @@ class Prepared(NamedTuple):
         """Return (N, m) what each row reserves between h and zero."""
         return self.least + margin * self.share
 
-
-def are_same(one: Sequence[tuple[object, ...]], other: Sequence[tuple[object, ...]]) -> bool:
-    """Return whether scenes hold the very same barriers."""
-    return all(
-        a is b or (len(a) == len(b) and all(map(operator.is_, a, b)))
-        for a, b in zip(one, other, strict=True)
-    )
-
-
-def function_at(scene: tuple[Barrier, ...], k: int) -> Function:
-    """Return the function at a place of a scene."""
-    barrier = scene[k]
-    assert isinstance(barrier, Function)
-    return barrier
+    def is_of(self, scenes: Sequence[Conditions]) -> bool:
+        """Return whether scenes hold these very barriers."""
+        return len(self.scenes) == len(scenes) and all(
+            a is b or (len(a) == len(b) and all(map(operator.is_, a, b)))
+            for a, b in zip(self.scenes, scenes, strict=True)
+        )
 
 
-def margins(barriers: Sequence[Barrier], margin: ArrayLike) -> Array:
-    """Return (m,) what each row reserves between h and zero.
+def prepared(
+    scenes: BarrierSet, functions: FunctionCache, reach: Callable[[Barrier], Reach]
+) -> Prepared:
+    """Return what is known of the barriers of N scenes.
 
-    Args:
-        barriers: m safety conditions.
-        margin: (m,), or one number for the rows of priority 1 that read the position; a speed
-            limit then reserves its own.
+    Raises:
+        InvalidInputError: if no input reaches one.
     """
-    given = np.asarray(margin, dtype=np.float64)
-    if given.ndim:
-        return given
-    return np.array(
-        [
-            barrier.margin
-            if isinstance(barrier, SpeedLimit)
-            else float(given) * (barrier.priority == 1 and barrier.reads_position)
-            for barrier in barriers
-        ]
+    listed: Any = scenes.listed
+    distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
+    groups = _groups(listed, functions)
+    of_functions = {
+        (int(i), int(k)): one
+        for group in groups
+        for i in group.scenes[: len(distinct)]
+        for k, one in zip(group.places, group.rows.reaches, strict=True)
+    }
+    reaches = [
+        [of_functions.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
+        for i, scene in enumerate(distinct)
+    ]
+    kind, degree = scenes.kind.copy(), np.zeros_like(scenes.kind)
+    for row, of_scene in zip(degree, reaches, strict=False):
+        row[: len(of_scene)] = [one.degree for one in of_scene]
+    degree[len(distinct) :] = degree[:1]
+    custom = []
+    for (i, k), barrier in sorted(scenes.own.items(), key=itemgetter(0)):
+        if isinstance(barrier, Function):
+            kind[i, k] = ELSEWHERE
+        else:
+            custom.append((i, k, barrier))
+    return Prepared(
+        tuple(listed),
+        groups,
+        custom,
+        Scene(kind, scenes.parameters, degree),
+        reaches,
+        bool((degree[kind != ELSEWHERE] == 2).any()),
+        scenes.priority,
+        scenes.own_margin,
+        scenes.keeps_margin,
     )
 
 
-def filled(lists: Sequence[Sequence[float]], shape: tuple[int, ...], dtype: DTypeLike) -> Any:
-    """Return N lists of at most m numbers as an array (N, m), zero behind the shorter ones."""
-    filled = np.zeros(shape, dtype=dtype)
-    for row, numbers in zip(filled, lists, strict=True):
-        row[: len(numbers)] = numbers
-    return filled
-
-
-def blocks(scenes: Sequence[tuple[Barrier, ...]]) -> tuple[Integers, Array]:
-    """Return kinds (N, m) and blocks (N, m, WIDTH) of N scenes, as compiled code reads them."""
-    kind = np.full((len(scenes), max(map(len, scenes))), layout.NONE, dtype=np.int64)
-    parameters = np.zeros((*kind.shape, layout.WIDTH))
+def _groups(scenes: Sequence[Conditions], functions: FunctionCache) -> list[Group]:
+    """Return the functions of N scenes, those of the same signatures together."""
+    found: dict[tuple[tuple[int, ...], tuple[object, ...]], list[tuple[int, list[Function]]]] = {}
     for i, scene in enumerate(scenes):
-        kind[i, : len(scene)] = ELSEWHERE
-        k = 0
-        for cls, run in itertools.groupby(scene, type):
-            barriers: list[Any] = list(run)
-            end = k + len(barriers)
-            if cls in SHAPES:
-                kind[i, k:end] = cls.code
-                parameters[i, k:end] = cls.blocks_of(barriers)
-            elif cls is SpeedLimit:
-                for place, barrier in enumerate(barriers, k):
-                    kind[i, place] = barrier.write(parameters[i, place])
-            elif not issubclass(cls, Function):
-                kind[i, k:end] = layout.CUSTOM
-            k = end
-    return kind, parameters
+        there = [(k, one) for k, one in enumerate(scene) if isinstance(one, Function)]
+        if there:
+            key = tuple(k for k, _ in there), tuple(one.signature for _, one in there)
+            found.setdefault(key, []).append((i, [one for _, one in there]))
+    return [
+        Group(
+            np.array([i for i, _ in members]),
+            np.array(places),
+            functions.rows([of_scene for _, of_scene in members]),
+        )
+        for (places, _), members in found.items()
+    ]

@@ -19,7 +19,7 @@ def register(kind: str, barrier: type[Barrier]) -> None:
     """Name a class of barriers, so that scenes with it can be written to JSON and read back.
 
     Args:
-        kind: the name that stands in the file.
+        kind: the name in the file.
         barrier: a dataclass derived from `Barrier`, whose fields JSON can hold.
 
     Raises:

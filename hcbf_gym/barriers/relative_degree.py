@@ -1,9 +1,8 @@
 r"""Which derivative of h an input enters first, and which inputs enter it.
 
 The relative degree r is the least number of times that h must be differentiated along
-``ẋ = f(x) + g(x)u`` until an input appears: L_g ψ_{r−1} ≠ 0. It is found by looking at sampled
-states, where it differs from 0 at all of them that h is not flat at, or at none; a function of
-which neither is true has no one relative degree, and is refused.
+``ẋ = f(x) + g(x)u`` until an input appears: L_g ψ_{r−1} ≠ 0, at sampled states at which h is not
+flat. Where it differs from 0 at some of them alone, h has no one relative degree, and is refused.
 """
 
 from collections.abc import Iterable
@@ -13,7 +12,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -40,7 +39,7 @@ class Reach(NamedTuple):
 
 
 def samples(model: ReducedOrderModel) -> tuple[Array, Array]:
-    """Return the states (SAMPLES, n) and times (SAMPLES,) at which barriers are looked at."""
+    """Return the sampled states (SAMPLES, n) and times (SAMPLES,)."""
     rng = np.random.default_rng(0)
     return rng.normal(size=(SAMPLES, model.n)), rng.uniform(0.0, 1.0, SAMPLES)
 
@@ -55,7 +54,7 @@ def first_reach(
         model: ẋ = f(x) + g(x)u.
         gradients: (SAMPLES, n) ∇h.
         along_inputs: L_g ψ (SAMPLES, n_u) of ψ = h, then of its derivatives; entries that are
-            not finite tell nothing.
+            not finite are left out.
 
     Raises:
         UnreachableError: if no input enters any of them.
@@ -88,10 +87,8 @@ def first_reach(
 def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     """Return how inputs reach a barrier that gives jets: by its first or second derivative.
 
-    L_g ψ is looked at relative to ‖∇ψ‖ ‖g‖, as jets come in any unit.
-
     Raises:
-        UnreachableError: if no input enters them, or what the barrier returns is no jet.
+        UnreachableError: if no input enters them, or the barrier returns no jet.
     """
     try:
         return _reach_by_jets(barrier, model)
@@ -107,22 +104,20 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
 def _reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     states, times = samples(model)
     jets = [barrier.jet(x, float(t)) for x, t in zip(states, times, strict=True)]
-    inputs = [model.g(x) for x in states]
 
-    def relative(gradient: Array, g: Array) -> Array:
+    def relative(gradient: Array, x: Array) -> Array:
+        """Return L_g ψ relative to ‖∇ψ‖ ‖g‖, as jets come in any unit."""
+        g = model.g(x)
         size = np.linalg.norm(gradient) * np.linalg.norm(g)
         return gradient @ g / size if size > 0.0 else np.zeros(model.n_u)
 
-    def second(k: int) -> Array:
-        x = states[k]
-        jet = jets[k]
+    def second(jet: Jet, x: Array) -> Array:
         turned = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ jet.gradient
-        return relative(turned + jet.gradient_rate, inputs[k])
+        return relative(turned + jet.gradient_rate, x)
 
-    everywhere = range(len(states))
-    looks = (relative(jets[k].gradient, inputs[k]) for k in everywhere)
+    each = list(zip(jets, states, strict=True))
     gradients = np.array([jet.gradient for jet in jets])
     with np.errstate(all="ignore"):
-        first = np.array(list(looks))
-        levels = (first if d == 1 else np.array([second(k) for k in everywhere]) for d in (1, 2))
+        first = np.array([relative(jet.gradient, x) for jet, x in each])
+        levels = (first if d == 1 else np.array([second(*one) for one in each]) for d in (1, 2))
         return first_reach(barrier, model, gradients, levels)

@@ -10,15 +10,16 @@ from hcbf_gym.arrays import Array, Integers, Pair
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, instance
 
-ALPHA1, ALPHA2, PERIOD, U_MAX, HELD, LOW, HIGH, SETTINGS_WIDTH = 0, 4, 8, 9, 10, 11, 13, 15
-"""Where the packed settings hold α₁ (4 numbers), α₂ (4), T, u_max, 1 for held rows, and the least
-and the greatest inputs (2 each)."""
 B, H, ALPHA2_PSI, PSI = range(4)
 """What is written of rows besides a: the first axis of that array."""
+MARGIN, RATE, QUICKENING, USABLE, REACH, FAST, DIP, CONDITIONING, PLACED, WIDTH = range(4, 14)
+"""What follows in a row that is made for any model: m, ṁ, m̈ and more of margins.hpp, what the row
+reserves besides, how well it is conditioned, and 1 where its barrier reads the position. a (n_u,)
+is behind."""
 
 
 class CbfRows(NamedTuple):
-    """The barrier conditions of one state, ``a_k·u ≥ b_k``, or of N states with a leading axis.
+    """The conditions of one state, ``a_k·u ≥ b_k``, or of N states with a leading axis.
 
     With ``ψ`` the barrier at its relative degree, ``a = L_g ψ`` and ``b = −α₂(ψ) − L_f ψ``, so
     that ``a·u − b = ψ̇(x, u) + α₂(ψ)``.
@@ -49,8 +50,8 @@ class RowSettings:
             None makes the usual rows, which look at the sample alone.
         u_max: the largest norm of an input [m/s²]; a held row needs it, and a row that is late
             requests no more.
-        limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where `u_max` says
-            all.
+        limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where only
+            `u_max` limits them.
 
     Raises:
         InvalidInputError: if a number is not positive and finite, if `u_max` is missing, or if T
@@ -89,15 +90,11 @@ class RowSettings:
 
     @cached_property
     def packed(self) -> Array:
-        """(15,) the same numbers as the compiled kernel reads them."""
-        packed = np.zeros(SETTINGS_WIDTH)
-        packed[ALPHA1 : ALPHA1 + 4] = self.alpha1.parameters()
-        packed[ALPHA2 : ALPHA2 + 4] = self.alpha2.parameters()
-        if self.period is not None and self.u_max is not None:
-            packed[PERIOD], packed[HELD] = self.period, 1.0
+        """(15,) α₁ (4), α₂ (4), T, u_max, 1 for held rows, the least and greatest inputs (2)."""
+        low, high, u_max = (0.0, 0.0), (0.0, 0.0), self.u_max or 0.0
         if self.u_max is not None:
-            packed[U_MAX] = self.u_max
-            low, high = self.limits or ((-self.u_max,) * 2, (self.u_max,) * 2)
-            packed[LOW : LOW + 2], packed[HIGH : HIGH + 2] = low, high
+            low, high = self.limits or ((-u_max,) * 2, (u_max,) * 2)
+        alphas = *self.alpha1.parameters(), *self.alpha2.parameters()
+        packed = np.array([*alphas, self.period or 0.0, u_max, self.held, *low, *high])
         packed.flags.writeable = False
         return packed

@@ -9,10 +9,9 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.atlas import Atlas
 from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
 from hcbf_gym.barriers.many import Element, Flat, Shapes, each, is_list
-from hcbf_gym.barriers.mapped import Mapped
+from hcbf_gym.barriers.mapped import Atlas, Mapped
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, count, instance, shown
@@ -22,12 +21,7 @@ _SHAPES = set(SHAPES)
 
 
 class Condition(NamedTuple):
-    """What a row of a report stands for.
-
-    Attributes:
-        name: of the barrier.
-        rank: its priority; 1 is the highest and strict.
-    """
+    """The name and the rank of the barrier of a report's row; 1 is the highest and strict."""
 
     name: str
     rank: int
@@ -36,15 +30,14 @@ class Condition(NamedTuple):
 class BarrierSet:
     """m barriers in each of N scenes, evaluated for N states of the double integrator at once.
 
-    Built-in shapes are evaluated compiled. A user's own `Barrier` is evaluated in Python, by one
-    call of its `batch` for all scenes that share the object; that costs some 30 µs a call.
-
-    A scene may leave ranks out, such as those of obstacles that are not in sight, and may be empty.
-    One that is shorter than the longest, m, ends with places of the kind `layout.NONE`.
+    A user's own `Barrier` is evaluated in Python, by one call of its `batch` for all scenes that
+    share the object, some 30 µs. A scene may leave ranks out, such as those of obstacles that are
+    not in sight, and may be empty. One that is shorter than the longest, m, ends with places of the
+    kind `layout.NONE`.
 
     Args:
         scenes: N sequences of elements.
-        before: a set that nobody sets any more, whose pieces of maps stay where they are.
+        before: a set that is no longer set, whose pieces of maps stay where they are.
         is_placed: whether shapes are where they are at time 0 of the plant's clock, as those of an
             environment that sets its scenes here; its filter then reads these very arrays.
 
@@ -53,12 +46,12 @@ class BarrierSet:
             of another number.
 
     Attributes:
-        kind: (N, m) which kernel evaluates the barrier, see `layout`.
-        parameters: (N, m, 19) what that kernel reads, see `layout`.
+        kind: (N, m) of the barriers, see `layout`.
+        parameters: (N, m, 19) what compiled code reads, see `layout`.
         priority: (N, m) 1 is the highest and strict; 0 of no barrier.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
-        own_margin: (N, m) what a speed limit reserves by itself [m/s], 0 for the others.
-        version: (N,) how often each scene was set: a filter sees by it which have changed.
+        own_margin: (N, m) what a speed limit reserves itself [m/s], 0 for the others.
+        version: (N,) how often each scene was set.
         edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
         listed: N sequences, the barriers one by one.
@@ -180,7 +173,7 @@ class BarrierSet:
 
     @property
     def moves(self) -> Mask:
-        """(N,) whether a scene depends on time, as far as samples show it; see `reads_time`."""
+        """(N,) whether a scene depends on time, as far as `reads_time` shows it."""
         velocity = self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
         moving = (self.is_region[..., None] & (velocity != 0.0)).any(axis=(1, 2))
         for (i, _), barrier in self.own.items():
@@ -188,10 +181,7 @@ class BarrierSet:
         return moving
 
     def conditions(self, i: int = 0) -> list[Condition]:
-        """Return name and rank of the barriers of scene `i`, in the order of the report's rows.
-
-        Places that no barrier takes are called "nothing", and their rank is 0.
-        """
+        """Return the conditions of scene `i`, in the order of rows; empty places are "nothing"."""
         names = [
             barrier.name for barrier, k, end in places_of(self.listed[i]) for _ in range(k, end)
         ]
@@ -220,7 +210,7 @@ class BarrierSet:
         return h
 
     def write_own_values(self, x: Array, t: Array, h: Array) -> None:
-        """Write into h (N, m) the values of users' own barriers, which the kernels pass over."""
+        """Write into h (N, m) the values of users' own barriers."""
         for scenes, k, barrier in self._shared():
             h[scenes, k] = barrier.batch(x[scenes], t[scenes]).h
 
@@ -237,7 +227,7 @@ class BarrierSet:
     def sense(self, x: Array, t: Array) -> tuple[Array, Array]:
         """Return h (N, m) and (N, m, 4) what a policy sees: h, unit gradient, ∂h/∂t.
 
-        The gradient is that in the position; where there is none, three zeros follow h.
+        The gradient is that in the position; where it is 0, three zeros follow h.
         """
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
         _core.barrier_sense(self.kind, self.parameters, self.atlas.numbers, x, t, h, sensed)
@@ -248,7 +238,7 @@ class BarrierSet:
         return h, sensed
 
     def _shared(self) -> Iterator[tuple[list[int], int, Barrier]]:
-        """Yield each user's own barrier with its place and the scenes that share the object."""
+        """Yield each user's own barrier with its place, and the scenes that share the object."""
         groups: dict[tuple[int, int], tuple[list[int], int, Barrier]] = {}
         for (i, k), barrier in self.own.items():
             groups.setdefault((id(barrier), k), ([], k, barrier))[0].append(i)

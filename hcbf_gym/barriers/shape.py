@@ -1,14 +1,13 @@
 """What a built-in shape is: fields with their checks, and how it is packed, drawn and moved.
 
-Each shape has a file in `shapes` and a header in core/include/hcbf, whose functions evaluate it
-everywhere: they read its block of numbers (see `layout`) at a point of the shape's own frame.
+Each has a file in `shapes` and a header in core/include/hcbf, whose functions evaluate its block of
+numbers (see `layout`) at a point of the shape's own frame.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
-from types import ModuleType
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -20,8 +19,8 @@ from hcbf_gym.barriers.barrier import Barrier, Core, PlanarBarrier
 from hcbf_gym.errors import finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
-Planar = Callable[[Any, Any], Any]
-
+PLACE = [2, 3]
+"""Columns of a block with the first place of a shape [m]."""
 TINY = 1e-9
 """Below this distance [m] from a region's centre its gradient is taken along +x."""
 
@@ -70,27 +69,20 @@ class Shape(PlanarBarrier):
     Attributes:
         kind: its name in JSON and for `Shapes`.
         code: by which compiled code finds its functions.
+        places: the fields that are points of it; the first is in columns `PLACE` of its block.
     """
 
     kind: ClassVar[str]
     code: ClassVar[int]
+    places: ClassVar[tuple[str, ...]] = ("center",)
 
     @abstractmethod
     def write(self, c: Array) -> int:
         """Write the block c (WIDTH,) and return the code."""
 
     @classmethod
-    def widths(cls) -> dict[str, int]:
-        """Return how many numbers each field has, but for the velocity."""
-        return {
-            field.name: np.size(field.default)
-            for field in fields(cls)
-            if field.default is not MISSING and field.name != "velocity"
-        }
-
-    @classmethod
     def pack(cls, name: str, values: Array) -> Array:
-        """Return (k, WIDTH) the blocks of k standing shapes.
+        """Return (k, WIDTH) the blocks of k shapes at rest.
 
         Args:
             name: what messages call them.
@@ -99,7 +91,11 @@ class Shape(PlanarBarrier):
         Raises:
             InvalidInputError: if a value is out of range or the array of another shape.
         """
-        sizes = cls.widths()
+        sizes = {
+            field.name: np.size(field.default)
+            for field in fields(cls)
+            if field.default is not MISSING and field.name != "velocity"
+        }
         numbers = finite_array(name, values, (None, sum(sizes.values())), largest=ON_EARTH)
         blocks = np.zeros((len(numbers), layout.WIDTH))
         ends = np.cumsum(list(sizes.values()))[:-1]
@@ -117,31 +113,27 @@ class Shape(PlanarBarrier):
         return blocks
 
     @classmethod
-    @abstractmethod
     def shift(cls, blocks: Array, step: Array) -> None:
         """Move the shapes of blocks (k, WIDTH) by a step (2,), or by (k, 2) one each [m]."""
+        blocks[:, PLACE] += step
 
     @abstractmethod
     def outline(self) -> Outline:
         """Return how the region is drawn at time 0."""
 
-    @abstractmethod
-    def traced(self, jax: ModuleType) -> Planar:
-        """Return (x, y) → H in jax.numpy, which JAX differentiates any number of times."""
-
     @property
-    @abstractmethod
     def anchor(self) -> Array:
-        """(2,) where the region is taken hold of at time 0, a centre or a point of a wall [m]."""
+        """(2,) the point by which the region is moved at time 0: the mean of its places [m]."""
+        return np.mean([getattr(self, name) for name in self.places], axis=0)
 
     @property
     @abstractmethod
     def size(self) -> float | None:
-        """A radius, or what stands for one [m]; None for what has no end."""
+        """A radius, or a length like it [m]; None for what has no end."""
 
-    @abstractmethod
     def moved(self, step: Array) -> Self:
         """Return the same region elsewhere, a step (2,) [m] away."""
+        return replace(self, **{name: shifted(getattr(self, name), step) for name in self.places})
 
     @abstractmethod
     def resized(self, size: float) -> Self:
@@ -169,21 +161,8 @@ class Shape(PlanarBarrier):
         return block
 
 
-def traced_norm(jax: ModuleType, x: Any, y: Any) -> Any:
-    """Return ‖(x, y)‖ for JAX; at 0 its gradient is taken along +x, as `point_jet` does."""
-    jnp = jax.numpy
-    square = x * x + y * y
-    apart = square > TINY**2
-    return jnp.where(apart, jnp.sqrt(jnp.where(apart, square, 1.0)), x)
-
-
 def set_pairs(barrier: Barrier, *names: str, largest: float = FARTHEST) -> None:
-    """Replace fields by pairs of finite numbers.
-
-    Args:
-        barrier: whose.
-        names: of its fields.
-        largest: magnitude of a number.
+    """Replace fields by pairs of finite numbers, of magnitudes up to `largest`.
 
     Raises:
         InvalidInputError: if one is no such pair.
@@ -211,13 +190,8 @@ def set_positive(barrier: Barrier, name: str) -> None:
     value = getattr(barrier, name)
     if type(value) is float and 0.0 < value <= FARTHEST:
         return
-    number = finite_float(
-        f"{barrier.name}: {name}",
-        value,
-        minimum=0.0,
-        maximum=FARTHEST,
-        exclusive=True,
-    )
+    label = f"{barrier.name}: {name}"
+    number = finite_float(label, value, minimum=0.0, maximum=FARTHEST, exclusive=True)
     object.__setattr__(barrier, name, number)
 
 

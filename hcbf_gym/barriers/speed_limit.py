@@ -1,4 +1,13 @@
-"""A cap on the speed, the one built-in barrier that is no region."""
+r"""Caps on the speed: everywhere, and by place, before which the robot brakes.
+
+With d⁺ the distance to the nearest cell of a zone, 0 inside, L the limit there and β a deceleration
+that every robot here can do,
+
+.. math:: h = (L² + 2 β d^+ - ‖v‖²) / (2 L),
+
+in m/s as a speed limit's. Its zero is the speed from which braking by β reaches L at the edge.
+`docs/rows.md` derives the row of an input that is held.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,14 +21,28 @@ from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.constants import FARTHEST
 
+BRAKING = _core.ZONE_BRAKING
+"""β, with which a robot slows down before a zone [m/s²]."""
 
-def leaves_speed(v_max: float, margin: float) -> bool:
-    """Return whether a cap leaves a speed, ``v_max > 2 margin``: at rest h = v_max/2.
+
+def least_limit(period: float, u_max: float, margin: float, turn: float = 0.0) -> float:
+    """Return the lowest limit of a zone that a held input can satisfy after its margin [m/s].
+
+    It solves ``L² − 2 m L = (β² (1 + ΩT/2)² + β u (1 + ΩT) + u²) T²``; see `docs/rows.md`.
 
     Args:
-        v_max: the cap [m/s].
-        margin: what its row reserves of h [m/s].
+        period: T [s].
+        u_max: u, the greatest change of the speed [m/s²].
+        margin: m [m/s].
+        turn: Ω, by how much the velocity turns besides, that of a differential drive [rad/s].
     """
+    turned = turn * period
+    squared = (BRAKING * (1.0 + 0.5 * turned)) ** 2 + BRAKING * u_max * (1.0 + turned) + u_max**2
+    return float(margin + np.hypot(margin, period * np.sqrt(squared)))
+
+
+def leaves_speed(v_max: float, margin: float) -> bool:
+    """Return whether a cap [m/s] leaves a speed after its margin: at rest h = v_max/2."""
     return v_max > 2.0 * margin
 
 
@@ -51,7 +74,7 @@ class SpeedLimit(Barrier):
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
         v_max: [m/s], positive.
-        margin: what the row reserves of h [m/s]: a body sways around its model's speed.
+        margin: what the row reserves of h [m/s]: a body's speed oscillates around its model's.
 
     Raises:
         InvalidInputError: if v_max is not positive or the margin is not in [0, v_max).

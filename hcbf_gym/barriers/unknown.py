@@ -1,4 +1,4 @@
-"""What rows of any h reserve for what is not known of N plants of any model."""
+"""What rows of any h reserve for the uncertainty of N plants of any model."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -19,21 +19,13 @@ Entry = tuple[int, int, Barrier]
 
 
 class Known(NamedTuple):
-    """What is known of N plants.
+    """The states of N plants, with what is uncertain of them."""
 
-    Attributes:
-        x: (N, n) as the rows read it.
-        time: (N,) [s].
-        model: (N, n) the reduced-order model's own state.
-        lag: (N, n) the body's minus the model's.
-        covariance: (N, n, n) P of x.
-    """
-
-    x: Array
-    time: Array
-    model: Array
-    lag: Array
-    covariance: Array
+    x: Array  # (N, n) as the rows read it
+    time: Array  # (N,) [s]
+    model: Array  # (N, n) the reduced-order model's own state
+    lag: Array  # (N, n) the body's minus the model's
+    covariance: Array  # (N, n, n) P of x
 
 
 class Reserve:
@@ -69,15 +61,15 @@ class Reserve:
         growth: Array,
         out: Array,
     ) -> None:
-        """Write what the rows reserve.
+        """Write into rows (N, m, WIDTH + n_u), from `rows.MARGIN` to `FAST`, what they reserve.
 
         Args:
             scene: kind (N, m) and parameters (N, m, WIDTH).
-            least: (N, m) what a row reserves by itself.
+            least: (N, m) what a row reserves itself.
             entries: those that are no built-in shapes; none where nothing of them is reserved.
             known: of the plants.
             growth: (N,) by how much the drift's covariance grows until the next sample.
-            out: (N, m, WIDTH + n_u) rows, see `general_kernels.MARGIN`; from it to `FAST` written.
+            out: the rows.
         """
         of_inputs, settings = largest(self._input_set), np.array(self.settings)
         of = _core.Reserve(compiled(self._model), settings, of_inputs, self._period, len(least))
@@ -94,7 +86,7 @@ def largest(input_set: InputSet) -> Array:
 def slopes(
     entries: Sequence[Entry], known: Known, confidence: float, m: int
 ) -> tuple[Array, Array]:
-    """Return ∇h (N, m, n) and what h may lose in second order (N, m); NaN of what gives no numbers.
+    """Return ∇h (N, m, n) and what h may lose in second order (N, m); NaN of unreadable entries.
 
     Args:
         entries: scene, place and barrier of those that are no built-in shapes.

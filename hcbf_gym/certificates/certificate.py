@@ -9,32 +9,23 @@
 ...     alarms=0, shown=Shown(82, 0.05, 90), strata=(Stratum("nearest", "random", 82, 0, 0.012),),
 ...     blocks=(*[block] * 8, block._replace(pressed=2)),
 ... )  # fmt: skip
->>> certificate.says
+>>> certificate.summary
 'boat: 0 of 82 episodes entered rank 1; P(enter) ≤ 0.1 with 99.9% confidence'
 """
 
 import hashlib
 import json
+import math
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hcbf_gym import records
 from hcbf_gym.certificates import sequential
-from hcbf_gym.certificates.parts import (
-    BLOCK,
-    Block,
-    Shown,
-    Stratum,
-    check_counts,
-    check_same,
-    vacuous,
-)
+from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum, check_counts, vacuous
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Uncertainty
 
@@ -42,10 +33,21 @@ SEEDS = 100_000_000
 """Of each `--seed`; the second half belongs to its certificates."""
 TRY_SEEDS = 1_000_000
 """Of each try of a seed."""
-VERSION = r"\d+\.\d+\.\d+(\.dev\d+)?"
-"""What a version of this package looks like."""
-COMMIT = r"([0-9a-f]{7,40}\+?)?"
-"""What a commit looks like: none, or one that files were edited after."""
+PATTERNS = {
+    "version": (r"\d+\.\d+\.\d+(\.dev\d+)?", "one such as '0.2.0'"),
+    "commit": (
+        r"([0-9a-f]{7,40}\+?)?",
+        "'' or 7 to 40 hexadecimal digits, with a + where files were edited",
+    ),
+}
+CALIBRATED = ("distance", "speed")
+"""Of `Uncertainty`, what a calibration sets."""
+TOTALS = ("episodes", "entered", "falls", "alarms")
+
+
+def first_seed(seed: int, attempt: int) -> int:
+    """Return the first seed of a try's episodes, which no calibration of the same seed draws."""
+    return SEEDS * seed + SEEDS // 2 + TRY_SEEDS * attempt
 
 
 @dataclass(frozen=True)
@@ -53,18 +55,18 @@ class Certificate:
     """How often a plant enters rank 1 at most, and all that this number was drawn from.
 
     With k of n independent episodes entered, P(enter) ≤ ε holds with confidence 1 − β as soon as
-    e_n(ε) ≥ 1/β, see `certificates.sequential`. All that stands before `episodes` was fixed before
-    the first one; `hash` is of all that the file says.
+    e_n(ε) ≥ 1/β, see `certificates.sequential`. All fields before `episodes` were fixed before the
+    first one; `hash` is of all fields.
 
     Args:
-        name: what it is called, as its file is.
+        name: of the certificate, as its file's.
         plant: what a plant must declare to be this one, ranges by name as `judge.judge`
             reads them; "scene" is the family of its scenes.
-        family: what the episodes were drawn from, as `evaluation.certification` reads it.
+        family: of the episodes, as `certification.families` reads it.
         words: the same in sentences.
-        margins: what rows reserved; None where the plant's own law says it for each episode.
+        margins: what rows reserved; None where the plant's own law decides it for each episode.
         calibration: what was done before, a mapping for each round and search.
-        bound: ε, that was asked for.
+        bound: ε.
         confidence: 1 − β.
         attempt: n of the n-th try of several, of which each spends β/2ⁿ; 0 for the only one.
         first_seed: of the episodes; the others follow it.
@@ -77,10 +79,11 @@ class Certificate:
         e_value: e_n(ε).
         least_h: over all episodes, of the strict conditions on the position [unit of h].
         falls: in how many episodes the robot fell.
-        alarms: in how many the filter raised an alarm; with on_alarm="brake" the robot then stood.
-        shown: how much was put to the test; None in a file that is too old to say it.
+        alarms: in how many the filter raised an alarm; with on_alarm="brake" the robot then
+            stopped.
+        shown: how much was put to the test.
         strata: counts by policy and family of scenes.
-        blocks: what each `BLOCK` episodes showed; none in a file that is too old.
+        blocks: what each `BLOCK` episodes showed.
 
     Raises:
         InvalidInputError: if the numbers contradict each other.
@@ -105,65 +108,49 @@ class Certificate:
     least_h: float
     falls: int
     alarms: int
-    shown: Shown | None
+    shown: Shown
     strata: tuple[Stratum, ...]
     blocks: tuple[Block, ...]
 
     def __post_init__(self) -> None:
-        counts = ("episodes", "entered", "falls", "alarms", "first_seed", "attempt")
-        check_counts(self, *counts)
-        finite_float("certificate: least_h", self.least_h)
-        finite_float("certificate: e_value", self.e_value)
-        self._check_bound()
-        if self.first_seed != first_seed(self.first_seed // SEEDS, self.attempt):
-            raise InvalidInputError(
-                f"certificate: got the first seed {self.first_seed}, expected that of try "
-                f"{self.attempt} of a seed"
-            )
-        if not (isinstance(self.version, str) and re.fullmatch(VERSION, self.version)):
-            raise InvalidInputError(
-                f"certificate: got the version {self.version!r}, expected one such as '0.2.0'"
-            )
-        if not (isinstance(self.commit, str) and re.fullmatch(COMMIT, self.commit)):
-            raise InvalidInputError(
-                f"certificate: got the commit {self.commit!r}, expected '' or 7 to 40 hexadecimal "
-                "digits, with a + where files were edited"
-            )
-        self._check_calibration()
-        stated = {"episodes": self.episodes, "entered": self.entered, "least_h": self.least_h}
-        check_same("strata", stated, {
-            "episodes": sum(s.episodes for s in self.strata),
-            "entered": sum(s.entered for s in self.strata),
-            "least_h": min((s.least_h for s in self.strata), default=np.inf),
-        })  # fmt: skip
-        if (self.shown is None) != (not self.blocks):
-            raise InvalidInputError(
-                f"certificate: got {self.shown} with {len(self.blocks)} blocks, expected both or "
-                "neither"
-            )
-        if self.shown is not None:
-            self._check_blocks(self.shown)
-
-    def _check_bound(self) -> None:
-        """Refuse a bound that does not follow from the counts."""
-        for name in ("confidence", "bound"):
-            share = finite_float(f"certificate: {name}", getattr(self, name))
-            if not 0.0 < share < 1.0:
+        check_counts(self, *TOTALS, "first_seed", "attempt")
+        for name in ("least_h", "e_value", "confidence", "bound"):
+            number = finite_float(f"certificate: {name}", getattr(self, name))
+            if name in ("confidence", "bound") and not 0.0 < number < 1.0:
                 raise InvalidInputError(
-                    f"certificate: {name}: got {share}, expected a number between 0 and 1"
+                    f"certificate: {name}: got {number}, expected a number between 0 and 1"
                 )
+        for name, (pattern, expected) in PATTERNS.items():
+            text = getattr(self, name)
+            if not (isinstance(text, str) and re.fullmatch(pattern, text)):
+                raise InvalidInputError(
+                    f"certificate: got the {name} {text!r}, expected {expected}"
+                )
+        self._check_calibration()
+        self._check_blocks()
+        for source, name, expected in self._derived():
+            value = self.shown.pressed if name == "pressed" else getattr(self, name)
+            if not math.isclose(value, expected, rel_tol=1e-9):
+                raise InvalidInputError(
+                    f"certificate: got {name} {value}, expected {expected} as {source} gives it"
+                )
+        why = vacuous(self.shown, self.episodes)
+        if why:
+            raise InvalidInputError(f"certificate: {why}")
+
+    def _derived(self) -> Iterator[tuple[str, str, float]]:
+        """Yield (source, field, value) of all that follows from other fields."""
+        yield "the try", "first_seed", first_seed(self.first_seed // SEEDS, self.attempt)
         needed = sequential.episodes_needed(self.bound, self.entered, self.doubt)
-        if self.episodes != needed:
-            raise InvalidInputError(
-                f"certificate: got {self.episodes} episodes, expected {needed}: the first that "
-                f"certify {self.bound:.3g} with {self.entered} entered"
-            )
-        expected = sequential.e_value(self.entered, self.episodes, self.bound)
-        if abs(self.e_value - expected) > 1e-9 * expected:
-            raise InvalidInputError(
-                f"certificate: got the e_value {self.e_value}, expected {expected} as "
-                f"{self.entered} of {self.episodes} give it for {self.bound:.3g}"
-            )
+        yield "the bound", "episodes", needed
+        yield "the bound", "e_value", sequential.e_value(self.entered, self.episodes, self.bound)
+        for name in ("episodes", "entered"):
+            yield "the sum of strata", name, sum(getattr(s, name) for s in self.strata)
+        least = min((s.least_h for s in self.strata), default=math.inf)
+        yield "the least of strata", "least_h", least
+        for name in ("entered", "falls", "alarms", "pressed"):
+            yield "the sum of blocks", name, sum(getattr(one, name) for one in self.blocks)
+        yield "the least of blocks", "least_h", min(one.least_h for one in self.blocks)
 
     def _check_calibration(self) -> None:
         """Refuse rounds that reserved other things than those that were set."""
@@ -178,32 +165,23 @@ class Certificate:
                     "margins"
                 )
 
-    def _check_blocks(self, shown: Shown) -> None:
-        """Refuse blocks that are not what the totals say."""
+    def _check_blocks(self) -> None:
+        """Refuse blocks of another number or size, or whose counts contradict their least h."""
         if len(self.blocks) != -(-self.episodes // BLOCK):
             raise InvalidInputError(
                 f"certificate: got {len(self.blocks)} blocks, expected one for every {BLOCK} of "
                 f"{self.episodes} episodes"
             )
-        rest = self.episodes - BLOCK * (len(self.blocks) - 1)
         for k, block in enumerate(self.blocks):
-            most = BLOCK if k < len(self.blocks) - 1 else rest
+            most = min(BLOCK, self.episodes - k * BLOCK)
             check_counts(block, "entered", "pressed", "steps", "falls", "alarms")
-            deepest = min(block.least_h, np.inf if (s := block.least_speed_h) is None else s)
+            deepest = min(block.least_h, math.inf if (s := block.least_speed_h) is None else s)
             counts = (block.entered, block.pressed, block.falls, block.alarms)
             if not (max(counts) <= most and (deepest < 0.0) == (block.entered > 0)):
                 raise InvalidInputError(
                     f"certificate: got {block}, expected counts of at most {most}, and entries "
                     "where a least h is below 0, and only there"
                 )
-        stated = {name: getattr(self, name) for name in ("entered", "falls", "alarms", "least_h")}
-        check_same("blocks", stated | {"pressed": shown.pressed}, {
-            name: sum(getattr(block, name) for block in self.blocks)
-            for name in ("entered", "falls", "alarms", "pressed")
-        } | {"least_h": min(block.least_h for block in self.blocks)})  # fmt: skip
-        why = vacuous(shown, self.episodes)
-        if why:
-            raise InvalidInputError(f"certificate: {why}")
 
     @property
     def doubt(self) -> float:
@@ -212,8 +190,8 @@ class Certificate:
 
     @property
     def hash(self) -> str:
-        """What tells all that this says from anything else."""
-        text = json.dumps(self._said(), sort_keys=True, allow_nan=False)
+        """Of all fields."""
+        text = json.dumps(self._fields(), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
     @property
@@ -233,7 +211,7 @@ class Certificate:
         }
 
     @property
-    def says(self) -> str:
+    def summary(self) -> str:
         """The number in one sentence."""
         return (
             f"{self.name}: {self.entered} of {self.episodes:,} episodes entered rank 1; "
@@ -241,16 +219,15 @@ class Certificate:
         )
 
     def to_dict(self) -> dict[str, object]:
-        """Return it in JSON's terms, what matters first."""
-        data = self._said()
+        """Return it in JSON's terms, the bound and its counts first."""
+        data = self._fields()
         first = ("name", "episodes", "entered", "bound", "confidence", "e_value", "try", "least_h")
         return {name: data.pop(name) for name in first} | {"hash": self.hash} | data
 
-    def _said(self) -> dict[str, object]:
-        """Return all that it says, in JSON's terms."""
+    def _fields(self) -> dict[str, object]:
         data = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name in ("margins", "shown"):
-            data[name] = None if data[name] is None else data[name]._asdict()
+        data["margins"] = None if self.margins is None else self.margins._asdict()
+        data["shown"] = self.shown._asdict()
         data["strata"] = [asdict(stratum) for stratum in self.strata]
         data["try"] = data.pop("attempt")
         return records.plain(data)
@@ -263,21 +240,6 @@ class Certificate:
             InvalidInputError: if a field is missing, unknown or malformed, or anything has been
                 changed since.
         """
-        certificate = cls.parse(data)
-        if data.get("hash") != certificate.hash:
-            raise InvalidInputError(
-                f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
-                f"{certificate.hash!r} of what it says: the file was changed"
-            )
-        return certificate
-
-    @classmethod
-    def parse(cls, data: Any) -> "Certificate":
-        """Return the certificate that a file holds, whatever its hash is.
-
-        Raises:
-            InvalidInputError: if a field is missing, unknown or malformed.
-        """
         records.check_mapping("certificate", data)
         try:
             json.dumps(data, allow_nan=False)
@@ -289,17 +251,22 @@ class Certificate:
                 values[name] = tuple(values[name])
             if values["margins"] is not None:
                 values["margins"] = Uncertainty(**values["margins"])
-            if values["shown"] is not None:
-                values["shown"] = Shown(**values["shown"])
+            values["shown"] = Shown(**values["shown"])
             values["blocks"] = tuple(Block(*block) for block in values["blocks"])
             values["strata"] = tuple(Stratum(**stratum) for stratum in values["strata"])
             values["attempt"] = values.pop("try")
-            return records.build("certificate", cls, values)
+            certificate: Certificate = records.build("certificate", cls, values)
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise InvalidInputError(
                 f"certificate: got {error!r}, expected the fields {[f.name for f in fields(cls)]} "
                 "as `hcbf certify` writes them"
             ) from error
+        if data.get("hash") != certificate.hash:
+            raise InvalidInputError(
+                f"certificate {certificate.name!r}: got the hash {data.get('hash')!r}, expected "
+                f"{certificate.hash!r} of its fields: the file was changed"
+            )
+        return certificate
 
     @classmethod
     def load(cls, path: str | Path) -> "Certificate":
@@ -308,14 +275,7 @@ class Certificate:
         Raises:
             InvalidInputError: if it cannot be read, or is none.
         """
-        try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
-            raise InvalidInputError(
-                f"certificate: got {str(path)!r} ({error}), expected a JSON file that "
-                "`hcbf certify` wrote"
-            ) from error
-        return cls.from_dict(data)
+        return cls.from_dict(records.read_json("certificate", path))
 
     def save(self, path: Path) -> None:
         """Write it to a JSON file, whole or not at all."""
@@ -323,17 +283,3 @@ class Certificate:
         with records.whole(path) as partial:
             text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
             partial.write_text(text + "\n", encoding="utf-8")
-
-
-CALIBRATED = ("distance", "speed")
-"""Of `Uncertainty`, what a calibration sets."""
-
-
-def first_seed(seed: int, attempt: int) -> int:
-    """Return the first seed of a certificate's episodes, which no calibration of the seed draws.
-
-    Args:
-        seed: that was asked for.
-        attempt: which try.
-    """
-    return SEEDS * seed + SEEDS // 2 + TRY_SEEDS * attempt

@@ -17,7 +17,7 @@ from hcbf_gym.models.plant import Plant, read
 _SHOWN = type(None), bool, int, float, str
 """Values that are compared as they are; all others by type and hash."""
 UNHASHABLE = "what cannot be hashed"
-"""The name under which parts stand that have no identity: no certificate holds it."""
+"""The name of the list of parts that have no identity: no certificate holds it."""
 
 
 def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[str, object]:
@@ -42,8 +42,8 @@ def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[st
         stated = records.plain(dict(read(plant.declared, env, observation, info)))
         if not stated:
             raise InvalidInputError(
-                f"plant: got declared {stated!r}, which any plant matches; expected what tells it "
-                "from others, or None"
+                f"plant: got declared {stated!r}, which any plant matches; expected a value that "
+                "distinguishes it, or None"
             )
         if is_of_package(plant.declared):
             return stated
@@ -51,12 +51,7 @@ def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[st
 
 
 def identified(plant: Plant, env: Any) -> dict[str, object]:
-    """Return what identifies a plant of the user's own, a value or a hash for each part.
-
-    Args:
-        plant: that a filter has.
-        env: unwrapped.
-    """
+    """Return a value or a hash for each part of a user's plant and its unwrapped environment."""
     parts: dict[str, Any] = {"environment": type(env)}
     parts |= {f"environment.{name}": value for name, value in attributes(env).items()}
     parts |= {
@@ -69,15 +64,19 @@ def identified(plant: Plant, env: Any) -> dict[str, object]:
     found: dict[str, object] = {}
     unhashable = []
     for name, part in parts.items():
+        if type(part) in _SHOWN:
+            found[name] = part
+            continue
+        cls = part if isinstance(part, type) else type(part)
         try:
-            found[name] = _identified(name, part)
+            found[name] = f"{cls.__name__} {identity.of(part, name)}"
         except identity.UnhashableError as error:
             unhashable.append(str(error))
     return found | ({UNHASHABLE: unhashable} if unhashable else {})
 
 
 def robot_of(name: str, files: Iterable[Path]) -> str:
-    """Return what certificates call a robot: its name, and a hash of its files' contents."""
+    """Return a robot's name in certificates: its own, and a hash of its files' contents."""
     digests = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
     return f"{name} {hashlib.sha256(' '.join(sorted(digests)).encode()).hexdigest()[:16]}"
 
@@ -87,14 +86,6 @@ def is_of_package(reader: object) -> bool:
     inner = reader.func if isinstance(reader, functools.partial) else reader
     top = str(getattr(inner, "__module__", "")).partition(".")[0]
     return callable(reader) and top in sources.NAMES
-
-
-def _identified(name: str, part: Any) -> object:
-    """Return a plain value as it is, of anything else its type and its hash."""
-    if type(part) in _SHOWN:
-        return part
-    cls = part if isinstance(part, type) else type(part)
-    return f"{cls.__name__} {identity.of(part, name)}"
 
 
 def same(one: object, other: object) -> bool:

@@ -77,10 +77,6 @@ class _Walk:
     Numbers, arrays, containers and dataclasses count by what they contain, however often they
     occur. Functions, classes, modules and other objects are numbered where they are first met and
     count by their number afterwards: cycles end, and a large program is read once.
-
-    Attributes:
-        hash: of all that was met.
-        path: to the part that is being read.
     """
 
     def __init__(self, name: str):

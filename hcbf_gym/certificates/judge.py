@@ -1,4 +1,4 @@
-"""The judge of `covered`: it compares what is declared with what was tested, and says why.
+"""The judge of `covered`: it compares what is declared with what was tested.
 
 Ranges are JSON, in certificates and in `tested.json`:
 
@@ -9,9 +9,9 @@ Ranges are JSON, in certificates and in `tested.json`:
   part lies in its own range;
 * any other value holds itself alone.
 
-"unit" stands behind a range's numbers, and "words" tell of one in place of what follows from it.
+"unit" is that of a range's numbers, and "words" describe a range in a message.
 
->>> judge({"gait": "walk", "delay": [0.0, 0.01]}, {"gait": "trot", "delay": {"to": 0.02}}).says
+>>> judge({"gait": "walk", "delay": [0.0, 0.01]}, {"gait": "trot", "delay": {"to": 0.02}}).reasons
 ("gait 'walk' (tested: 'trot')",)
 """
 
@@ -24,28 +24,28 @@ from hcbf_gym import records
 from hcbf_gym.arrays import Integers
 from hcbf_gym.models.plant import Coverage, CoveredBy
 
-_TOLD = {"unit", "words"}
+_WORDS = {"unit", "words"}
 DERIVED = {"friction_derived"}
 """Names of values that follow from others that are declared; ranges end at them."""
 
 
 class Judged(NamedTuple):
-    """What the judge says.
+    """Whether a plant is covered.
 
     Attributes:
         covered: a `Coverage`, or (N,) of N plants.
         covered_by: why, a `CoveredBy`, or (N,).
-        says: what lies outside, a phrase for each; empty where nothing does.
+        reasons: what lies outside, a phrase for each; empty where nothing does.
     """
 
     covered: Coverage | Integers
     covered_by: CoveredBy | Integers
-    says: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
 
     @property
     def outside(self) -> bool:
         """Whether nothing is promised, whatever the scene is."""
-        return bool(self.says)
+        return bool(self.reasons)
 
 
 def judge(
@@ -61,17 +61,17 @@ def judge(
             argument without a range was not tested; names in `DERIVED` are no arguments.
         ranges: argument → range, that were tested all at once.
         alone: "ranges", argument → range, of which one may be left for a wider one where everything
-            lies in "others", argument → range; "words" tell of both. None for none.
-        reason: what it is called where a value lies outside.
+            lies in "others", argument → range; "words" describe both. None for none.
+        reason: reported where a value lies outside.
     """
     single = {} if alone is None else alone["ranges"]
-    said = [
+    reasons = [
         f"{name} {_shown(declared.get(name), expected)} (tested: {words(expected)})"
         for name, expected in (dict(ranges) | single).items()
         if name != "scene" and not _lies(name, expected, declared)
     ]
     known = {"scene", *DERIVED, *ranges, *single}
-    said += [
+    reasons += [
         f"{name} {value!r} (nothing is tested of it)"
         for name, value in declared.items()
         if name not in known
@@ -80,9 +80,9 @@ def judge(
     if alone is not None and left:
         others = [n for n, one in alone["others"].items() if not _lies(n, one, declared)]
         if len(left) > 1 or others:
-            said.append(f"alone {' and '.join([*left, *others])} (tested: {alone['words']})")
-    if said:
-        return Judged(Coverage.OUTSIDE, reason, tuple(said))
+            reasons.append(f"alone {' and '.join([*left, *others])} (tested: {alone['words']})")
+    if reasons:
+        return Judged(Coverage.OUTSIDE, reason, tuple(reasons))
     scene, expected = declared.get("scene"), ranges.get("scene")
     if isinstance(scene, list):
         found = np.array([_holds(one, expected, declared) for one in scene], dtype=np.bool_)
@@ -117,8 +117,8 @@ def words(expected: Any) -> str:
 
 
 def _kind(expected: Any) -> set[str]:
-    """Return which keys make a range of a value; none where it stands for itself."""
-    found = set(expected) - _TOLD if isinstance(expected, Mapping) else set()
+    """Return which keys make a value a range; none of a value that holds itself alone."""
+    found = set(expected) - _WORDS if isinstance(expected, Mapping) else set()
     return found if found in ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"}) else set()
 
 
@@ -127,7 +127,7 @@ def _lies(name: str, expected: Any, declared: Mapping[str, object]) -> bool:
 
 
 def _holds(got: Any, expected: Any, declared: Mapping[str, object]) -> bool:
-    """Tell whether a value lies in a range."""
+    """Return whether a value lies in a range."""
     got, kind = records.plain(got), _kind(expected)
     if kind == {"any of"}:
         return any(_holds(got, one, declared) for one in expected["any of"])

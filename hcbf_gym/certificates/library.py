@@ -1,4 +1,4 @@
-"""The certificates that come with the package, and which of them speaks of a plant."""
+"""The certificates that come with the package, and which of them fits a plant."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, shown, warn_call
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
-"""Where they lie, one JSON file each; its name is the certificate's."""
+"""Of the shipped ones, one JSON file each; its name is the certificate's."""
 
 TESTED = Path(__file__).with_name("tested.json")
 """Ranges that were tested without a number of their own: of the filter's arguments, of its plant,
@@ -23,16 +23,12 @@ and of an environment's arguments of which one alone may be left for a wider ran
 
 @cache
 def tested() -> Mapping[str, Any]:
-    """Return what `TESTED` holds."""
+    """Return the content of `TESTED`."""
     return MappingProxyType(json.loads(TESTED.read_text(encoding="utf-8")))
 
 
 def of_another_version(certificate: Certificate | None = None) -> str:
-    """Return why episodes say nothing of this version; "" where they do.
-
-    Args:
-        certificate: that they earned; None for one of this version.
-    """
+    """Return why a certificate, or any of this version, covers nothing; "" where it does."""
     here = version.VERSION
     if ".dev" in here:
         return (
@@ -84,7 +80,7 @@ def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate
 
 
 def file_of(source: str) -> Path:
-    """Return where the certificate lies that a name of a shipped one, or a path, stands for."""
+    """Return the file of a shipped certificate's name; a path is itself."""
     return FOLDER / f"{source}.json" if source in shipped() else Path(source)
 
 
@@ -93,11 +89,11 @@ def judged_by(
     declared: Mapping[str, object],
     alone: Mapping[str, Any] | None = None,
 ) -> Judged:
-    """Return what a certificate says of a plant in this version of the package.
+    """Return whether a certificate covers a plant in this version of the package.
 
     Args:
         certificate: any.
-        declared: what the plant declares, as `certificates.declared` reads it.
+        declared: what the plant declares, see `certificates.declared`.
         alone: what was tested besides, see `judge`.
     """
     judged = judge(declared, certificate.plant, alone)
@@ -108,41 +104,28 @@ def judged_by(
 
 
 class NearestCertificate(NamedTuple):
-    """The shipped certificate that differs least from what a plant declares.
+    """The shipped certificate that differs least from what a plant declares."""
 
-    Attributes:
-        certificate: None where none is of such an environment and robot.
-        judged: what it says of the plant.
-    """
-
-    certificate: Certificate | None
-    judged: Judged
+    certificate: Certificate | None  # None where none is of such an environment and robot
+    judged: Judged  # whether it covers the plant
 
     def again(self, declared: Mapping[str, object]) -> Judged:
-        """Return what it says of the plant in other scenes.
-
-        Args:
-            declared: what it declared, but for "scene".
-        """
+        """Return whether it covers the plant in another scene, `declared["scene"]`."""
         if self.judged.outside or self.certificate is None:
             return self.judged
         return judge({"scene": declared["scene"]}, {"scene": self.certificate.plant["scene"]})
 
     def despite(self, complaints: Iterable[str]) -> "NearestCertificate":
-        """Return what it says of a plant that does not follow.
-
-        Args:
-            complaints: where it does not, a sentence for each; none where it follows.
-        """
-        said = tuple(complaints)
-        if not said:
+        """Return it with sentences about where the plant does not follow; they cover nothing."""
+        reasons = tuple(complaints)
+        if not reasons:
             return self
-        judged = Judged(Coverage.OUTSIDE, CoveredBy.ARGUMENT, (*self.judged.says, *said))
-        return self._replace(judged=judged)
+        reasons = (*self.judged.reasons, *reasons)
+        return self._replace(judged=Judged(Coverage.OUTSIDE, CoveredBy.ARGUMENT, reasons))
 
     @property
     def margins(self) -> Uncertainty | None:
-        """What rows reserve by it; None where it speaks of another plant, or leaves it to a law."""
+        """What rows reserve by it; None where it is of another plant, or leaves it to a law."""
         other = self.judged.covered_by in (CoveredBy.ARGUMENT, CoveredBy.UNKNOWN)
         return None if self.certificate is None or other else self.certificate.margins
 
@@ -160,23 +143,23 @@ def nearest(declared: Mapping[str, Any]) -> NearestCertificate:
         if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
     name = str(declared.get("robot")).rpartition(" ")[0]
-    said = (
+    reasons = (
         f"robot {name!r}, of which no certificate is shipped: hcbf certify makes one",
         *(f"{departure} (tested: none)" for departure in declared.get("departures", ())),
     )
-    none = NearestCertificate(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, said))
-    return min(alike, key=lambda found: len(found.judged.says), default=none)
+    none = NearestCertificate(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, reasons))
+    return min(alike, key=lambda found: len(found.judged.reasons), default=none)
 
 
 def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
-    """Return margins of a robot that are no smaller than what a certificate found that it needs.
+    """Return margins that are no smaller than those of a robot's certificate.
 
-    A certificate does not speak of another door, floor or cap, but its calibration has seen more
-    episodes than whatever the margins come from.
+    Such a certificate may be of another environment, but its calibration has seen more episodes
+    than any other source of margins.
 
     Args:
         margins: of the robot as it is used.
-        robot: what certificates call it, see `declared.robot_of`.
+        robot: its name in certificates, see `declared.robot_of`.
     """
     for one in shipped().values():
         if one.margins is not None and one.plant.get("robot") == robot:

@@ -1,6 +1,5 @@
-"""What a certificate is made of: what episodes showed, by whom, by tens, and all together."""
+"""Parts of a certificate: what episodes showed, by policy and scene, by tens, and in all."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,8 +8,8 @@ from hcbf_gym.errors import InvalidInputError, finite_float
 BLOCK = 10
 """Episodes that are summed up together, so that a part can be repeated and compared."""
 PRESSED = 0.5
-"""The least share of episodes in which the filter had to stop the policy: with a smaller one, the
-chance of entering in an episode where rank 1 was at stake may be more than twice the bound."""
+"""The least share of episodes in which the filter had to stop the policy, so that the chance of
+entering in an episode where rank 1 was at stake is at most twice the bound."""
 LASTING = 10
 """The least number of steps that half of the episodes must last."""
 
@@ -21,7 +20,7 @@ class Stratum:
 
     Args:
         policy: an attack's name, or a policy's.
-        scene: the family's name; "own" where the environment draws its scenes by itself.
+        scene: the family's name; "own" where the environment draws its scenes.
         episodes: how many were drawn.
         entered: in how many rank 1 was entered.
         least_h: of the strict conditions on the position [unit of h].
@@ -83,16 +82,11 @@ class Shown(NamedTuple):
 
 
 def vacuous(shown: Shown, episodes: int) -> str:
-    """Return why episodes put nothing to the test; "" where they do.
-
-    Args:
-        shown: by the episodes.
-        episodes: n.
-    """
+    """Return why n episodes put nothing to the test; "" where they do."""
     if shown.half_last < LASTING:
         return (
             f"half of the episodes ended within {shown.half_last} steps, expected {LASTING} at "
-            "least: they say nothing of a robot that drives"
+            "least: they show nothing of a robot that drives"
         )
     if shown.pressed < PRESSED * episodes:
         return (
@@ -106,22 +100,8 @@ def vacuous(shown: Shown, episodes: int) -> str:
 
 
 def check_counts(record: object, *names: str) -> None:
-    """Refuse fields that are no counts.
-
-    Raises:
-        InvalidInputError: if there is one.
-    """
+    """Refuse fields that are no counts."""
     for name in names:
         number = getattr(record, name)
         if isinstance(number, bool) or not isinstance(number, int) or number < 0:
             raise InvalidInputError(f"certificate: {name}: got {number!r}, expected a count")
-
-
-def check_same(what: str, stated: Mapping[str, object], counted: Mapping[str, object]) -> None:
-    """Refuse totals that are not what their parts say.
-
-    Raises:
-        InvalidInputError: if one is not.
-    """
-    if dict(stated) != dict(counted):
-        raise InvalidInputError(f"certificate: got {what} of {counted}, expected {stated}")

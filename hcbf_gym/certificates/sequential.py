@@ -4,10 +4,10 @@ Of n episodes k have entered. With :math:`q = ε/5`,
 
 .. math:: e_n(ε) = (q/ε)^k \left(\frac{1 − q}{1 − ε}\right)^{n − k}
 
-is what a player's money has grown to who bets on the chance q at the odds of ε. Where each episode
-enters with a chance of at least ε, whatever came before, the money is a supermartingale that begins
-at 1, so that it *ever* reaches 1/β with a probability of at most β (Ville). As e grows with ε, the
-least ε at which it has reached 1/β bounds the chance at every n at once: one may look, stop, go on.
+is the wealth from a stake of 1 in a bet on the chance q at the odds of ε. Where each episode enters
+with a chance of at least ε, whatever came before, the wealth is a supermartingale, so that it ever
+reaches 1/β with a probability of at most β (Ville). As e grows with ε, the least ε at which it has
+reached 1/β bounds the chance at every n at once: one may inspect it, stop and continue.
 
 >>> [episodes_needed(1e-2, entered, 1e-3) for entered in (0, 1, 2, 5)]
 [859, 1060, 1261, 1864]
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 BET = 5.0
-"""ε/q: the wager is best where episodes enter so many times less often than the bound says."""
+"""ε/q: the wager is best where episodes enter so many times less often than the bound."""
 NEVER = 2.0
 """Above ε over this, e falls on average, and no number of episodes reaches 1/β."""
 DOUBT = 1e-3
@@ -34,37 +34,18 @@ MOST = 700.0
 
 
 def log_e(entered: int, episodes: int, chance: float, rival: float) -> float:
-    """Return ln e against one chance of entering, of a wager on another one.
-
-    Args:
-        entered: k.
-        episodes: n.
-        chance: that is doubted, between 0 and 1.
-        rival: that is wagered on, between 0 and 1.
-    """
+    """Return ln e of a wager on a rival chance of entering, k of n episodes having entered."""
     stays = math.log1p(-rival) - math.log1p(-chance)
     return entered * math.log(rival / chance) + (episodes - entered) * stays
 
 
 def e_value(entered: int, episodes: int, bound: float) -> float:
-    """Return e_n(ε).
-
-    Args:
-        entered: k.
-        episodes: n.
-        bound: ε, between 0 and 1.
-    """
+    """Return e_n(ε) with k of n episodes entered and 0 < ε < 1."""
     return math.exp(min(log_e(entered, episodes, bound, bound / BET), MOST))
 
 
 def running_bound(entered: int, episodes: int, beta: float) -> float:
-    """Return the least ε with e_n(ε) ≥ 1/β; 1 where there is none.
-
-    Args:
-        entered: k.
-        episodes: n.
-        beta: how often such a bound may be wrong, between 0 and 1.
-    """
+    """Return the least ε with e_n(ε) ≥ 1/β, k of n episodes having entered; 1 for none."""
     from scipy.optimize import brentq
 
     wanted = -math.log(beta)
@@ -80,13 +61,7 @@ def running_bound(entered: int, episodes: int, beta: float) -> float:
 
 
 def episodes_needed(bound: float, entered: int, beta: float) -> int:
-    """Return how many episodes certify ε, k of which have entered.
-
-    Args:
-        bound: ε, between 0 and 1.
-        entered: k.
-        beta: as `running_bound` takes it.
-    """
+    """Return how many episodes certify ε at β, k of which have entered."""
     lost = entered * math.log(BET)
     stays = math.log1p(-bound / BET) - math.log1p(-bound)
     return entered + math.ceil((lost - math.log(beta)) / stays)
@@ -97,7 +72,7 @@ def any_weighting(counts: Iterable[tuple[int, int]], beta: float) -> float:
 
     Args:
         counts: (entered, episodes) of each family.
-        beta: as `running_bound` takes it.
+        beta: β.
     """
     families = list(counts)
     return max((running_bound(k, n, beta / len(families)) for k, n in families), default=1.0)
@@ -108,7 +83,7 @@ class Tally:
     """Episodes in their order, and whether there is more to wait for.
 
     Args:
-        bound: ε that is asked for.
+        bound: ε.
         beta: how often it may be wrong.
         entered: k, so far.
         episodes: n, so far.

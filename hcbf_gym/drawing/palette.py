@@ -19,7 +19,7 @@ PROGRAM_COLORS = {
 """One colour for a program throughout all figures."""
 
 OTHER_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c564b", "#000000")
-"""Of what has no colour of its own, one after the other."""
+"""Of programs without a colour above, in turn."""
 
 PATH, REFERENCE, GOAL = "#0072b2", "#404040", "#111111"
 SPEED_ZONE = "#009e73"
@@ -33,7 +33,7 @@ def priority_color(priority: int) -> str:
 
 
 def program_color(program: str, place: int = 0) -> str:
-    """Return a program's colour; that of a place among others, where it is none of the package."""
+    """Return a program's colour; for a user's program that of its place among others."""
     return PROGRAM_COLORS.get(program, OTHER_COLORS[place % len(OTHER_COLORS)])
 
 

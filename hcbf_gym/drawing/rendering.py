@@ -20,15 +20,12 @@ _SLICES, _STACKS = 56, 6  # of round shapes: more cost time, fewer show corners
 class OffscreenRenderer:
     """Renders RGB frames without a display.
 
-    Args:
-        model: the compiled scene.
-
     Raises:
-        RenderingError: if no OpenGL context can be made; the message says what to install.
+        RenderingError: if no OpenGL context can be made.
     """
 
-    def __init__(self, model: mujoco.MjModel):
-        quality = model.vis.quality
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+        self._data, quality = data, model.vis.quality
         quality.numslices, quality.numstacks = _SLICES, _STACKS
         try:
             self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH, max_geom=2000)
@@ -39,12 +36,14 @@ class OffscreenRenderer:
                 "before MuJoCo is imported"
             ) from error
 
-    def frame(
-        self, data: mujoco.MjData, artist: SceneArtist, scenario: Scenario, t: float
-    ) -> NDArray[np.uint8]:
-        """Return a picture (480, 640, 3) that follows the robot."""
-        self._renderer.update_scene(data, camera=chase_camera(data))
-        artist.draw(self._renderer.scene, scenario, t, *_pose(data))
+    def draw(self, artist: SceneArtist, scenario: Scenario, t: float) -> NDArray[np.uint8]:
+        """Return a picture (480, 640, 3) from a camera that follows the robot from the south."""
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = self._data.subtree_com[1]
+        camera.distance, camera.azimuth, camera.elevation = 3.2, 110.0, -32.0
+        self._renderer.update_scene(self._data, camera=camera)
+        artist.draw(self._renderer.scene, scenario, t, *_pose(self._data))
         return self._renderer.render()
 
     def close(self) -> None:
@@ -70,7 +69,7 @@ class WindowRenderer:
         self._data = data
         self._viewer: Any = mujoco.viewer.launch_passive(model, data)
 
-    def show(self, artist: SceneArtist, scenario: Scenario, t: float) -> None:
+    def draw(self, artist: SceneArtist, scenario: Scenario, t: float) -> None:
         """Draw the present state."""
         with self._viewer.lock():
             self._viewer.user_scn.ngeom = 0
@@ -80,17 +79,6 @@ class WindowRenderer:
     def close(self) -> None:
         """Close the window."""
         self._viewer.close()
-
-
-def chase_camera(data: mujoco.MjData) -> mujoco.MjvCamera:
-    """Return a camera that follows the robot, looking down from the south."""
-    camera = mujoco.MjvCamera()
-    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = data.subtree_com[1]
-    camera.distance = 3.2
-    camera.azimuth = 110.0
-    camera.elevation = -32.0
-    return camera
 
 
 def _pose(data: mujoco.MjData) -> tuple[Array, float]:

@@ -1,4 +1,4 @@
-"""What the robot cannot feel, as shapes of a MuJoCo scene: regions, walls, reference and path."""
+"""Regions, walls, reference and path as shapes of a MuJoCo scene, without contacts."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ class SceneArtist:
     """Draws a scenario and the robot's path.
 
     Args:
-        lift: how high the ground rises above zero at most [m]; all is painted above that.
+        lift: the ground's greatest height [m]; all is painted above that.
 
     Attributes:
         path_color: (r, g, b, opacity) of the path, each in [0, 1].
@@ -50,7 +50,7 @@ class SceneArtist:
         self._path.clear()
 
     def walk(self, position: Sequence[float]) -> None:
-        """Add a position (2,) [m] to the path, unless the last one is as good as the same."""
+        """Add a position (2,) [m] to the path, unless it is next to the last one."""
         if not self._path or math.dist(position, self._path[-1]) >= _STRIDE:
             self._path.append(position)
 
@@ -60,7 +60,7 @@ class SceneArtist:
         """Append all that is drawn at time t [s] to a MuJoCo scene.
 
         Args:
-            scene: what MuJoCo will render.
+            scene: of MuJoCo's renderer.
             scenario: its regions and reference.
             t: time [s], for regions that move.
             position: (2,) of the robot [m].
@@ -77,8 +77,8 @@ class SceneArtist:
             times = np.linspace(0.0, scenario.reference.duration, _REFERENCE_POINTS)
             self._scenario = scenario
             self._reference = [scenario.reference(s)[0] for s in times]
-        way = self._reference
-        _draw_line(scene, way[::2], way[1::2], _LINE_WIDTH, palette.rgba(palette.REFERENCE))
+        dashes = self._reference[::2], self._reference[1::2]
+        _draw_line(scene, *dashes, _LINE_WIDTH, palette.rgba(palette.REFERENCE))
         _add(scene, "SPHERE", (0.08, 0, 0), (*scenario.goal, 0.08), palette.rgba(palette.GOAL))
         walked = np.array([*self._path, position])
         _draw_line(scene, walked[:-1], walked[1:], _PATH_WIDTH, self.path_color)
@@ -128,7 +128,7 @@ def _draw_polygon(scene: mujoco.MjvScene, corners: Array, height: float, color: 
 
 
 def _draw_grid(scene: mujoco.MjvScene, position: Array) -> None:
-    """Rule the floor and the regions on it, so that one sees the robot move there too."""
+    """Draw a grid on the floor and the regions, which makes the robot's motion visible."""
     middle = np.round(position / _GRID_CELL) * _GRID_CELL
     steps = np.arange(-_GRID_HALF_SIZE, _GRID_HALF_SIZE + 0.5 * _GRID_CELL, _GRID_CELL)
     for axis in range(2):

@@ -30,7 +30,7 @@ NAMED_AT: dict[str, Any] = {
     "path_effects": [withStroke(linewidth=2.0, foreground="w", alpha=0.7)],
     "zorder": 9,
 }
-"""How a text within a scene is written."""
+"""Style of a text within a scene."""
 _CELLS = 100  # along a side of the grid on which a condition without an outline is drawn
 
 

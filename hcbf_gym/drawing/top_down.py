@@ -38,7 +38,3 @@ class TopDownView:
         axes.set_title(f"t = {t:.1f} s", fontsize=9)
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
-
-    def close(self) -> None:
-        """Release the figure."""
-        self._figure.clear()

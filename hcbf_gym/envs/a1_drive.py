@@ -13,12 +13,8 @@ from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.watch import Fault, Watch
 from hcbf_gym.models.plant import Estimate, Reason
 
-FEEDBACK = {
-    "measured": "position and velocity of the trunk",
-    "position": "position of the trunk, velocity of the reduced-order model",
-    "rom": "position and velocity of the reduced-order model",
-}
-"""On which state the loop is closed."""
+FEEDBACK = ("measured", "position", "rom")
+"""On which state the loop is closed; see `A1RegionsEnv`."""
 
 ALARMS = {
     Fault.NONE: None,
@@ -26,7 +22,7 @@ ALARMS = {
     Fault.LAG: Reason.LAG,
     Fault.LIFT: Reason.LIFT,
 }
-"""What a filter calls what the watch finds."""
+"""The watch's faults as a filter's reasons."""
 
 
 class A1Drive(Drive[A1Physics]):
@@ -34,15 +30,11 @@ class A1Drive(Drive[A1Physics]):
 
     Args:
         simulation: the scene.
-        controller: what turns u into torques.
-        estimator: what gives the controller and the filter the robot's state; None is the truth.
+        controller: turns u into torques.
+        estimator: gives the controller and the filter the robot's state; None is the truth.
         footprint: as `Drive` takes it.
         feedback: on which state the loop is closed, a name of `FEEDBACK`.
-        watch: notices a plant that is not the one which was declared.
-
-    Raises:
-        UnknownNameError: if there is no such feedback.
-        InvalidInputError: if the simulation's tick does not divide the control step.
+        watch: detects a plant that is not the declared one.
     """
 
     def __init__(
@@ -54,19 +46,18 @@ class A1Drive(Drive[A1Physics]):
         feedback: str,
         watch: Watch,
     ):
-        choose("feedback", feedback, FEEDBACK)
+        choose("feedback", feedback, dict.fromkeys(FEEDBACK))
         self.controller, self.watch, self.feedback = controller, watch, feedback
         self._estimator = estimator
         self._u: Array = np.zeros(2)
         super().__init__(simulation, footprint, look_ahead=0.0)
 
     def rest(self, position: Array) -> None:
-        """Count as standing at a position (2,) [m], before the first reset."""
+        """Be at rest at a position (2,) [m]."""
         super().rest(position)
         self._known: Array | None = None  # (41,) the robot's state as estimated
 
     def _begin(self, rng: np.random.Generator) -> None:
-        """Begin an episode: controller, estimator and watch forget the one before."""
         if self._estimator is not None:
             # errors of the sensors come from a stream of their own: the plant stays the same
             (errors,) = rng.spawn(1)
@@ -75,7 +66,7 @@ class A1Drive(Drive[A1Physics]):
         self.watch.reset()
 
     def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
-        """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
+        """Hold the model's u (2,) [m/s²] for the control step that begins at a time [s]."""
         self._u = u
         motion = self._run(barriers, time)
         self.watch.judge(self.controller.lift)
@@ -94,19 +85,12 @@ class A1Drive(Drive[A1Physics]):
         return True
 
     def estimate(self, time: float) -> Estimate:
-        """Return what is known of the robot: the state on which the loop is closed.
-
-        Args:
-            time: since the reset [s].
-        """
+        """Return the state on which the loop is closed, at a time since the reset [s]."""
         body = self.truth if self._known is None else self._known[BASE]
         reference = self.controller.reference
         model = np.concatenate([reference.position, reference.velocity])
-        x = {
-            "measured": body,
-            "position": np.concatenate([body[:2], model[2:]]),
-            "rom": model,
-        }[self.feedback]
+        position = np.concatenate([body[:2], model[2:]])
+        x = {"measured": body, "position": position, "rom": model}[self.feedback]
         covariance, yaw = None, self.simulation.yaw
         if self._estimator is not None:
             known = self._estimator.estimate

@@ -34,23 +34,16 @@ BASE = np.array([0, 1, 19, 20])  # planar position and velocity of the trunk in 
 class A1Physics(Simulation):
     """A scene with one robot of the A1's kind, driven by joint torques.
 
-    Attributes:
-        robot: what its file says.
-        truth: (41,) the vector of the robot's state without noise; every tick has its own.
-
     Args:
         xml_file: MJCF of the robot alone; None means the package's own A1. Its actuators are
             replaced by torque motors.
         timestep: of the physics [s].
-        obstacles: as `Simulation` takes them.
-        terrain: as `Simulation` takes it.
+        obstacles: as `Simulation` takes them, like `terrain` and `disturbances`.
         randomization: plain dict of `Randomization`'s ranges; None is the nominal plant.
-        disturbances: as `Simulation` takes them.
 
-    Raises:
-        RobotModelError: if the robot has not the A1's trunk, joints and feet.
-        InvalidInputError: on a number out of range, an unknown name, or boxes named alike or like
-            a part of the robot.
+    Attributes:
+        robot: as read from its file.
+        truth: (41,) the vector of the robot's state without noise; every tick has its own.
     """
 
     def __init__(
@@ -89,15 +82,14 @@ class A1Physics(Simulation):
         self._arrive()
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
-        """Put the robot at rest, as `Simulation` does, with all that follows from where it is."""
+        """Put the robot at rest, and compute what follows from its pose."""
         super().reset(position, yaw, rng)
         self._arrive()
 
     def step(self, inputs: Array) -> None:
         """Advance the physics by one tick under the joint torques (12,) [N·m].
 
-        The tick ends with `mj_step1`, so that positions, velocities and contacts are those of the
-        new time when the controller reads them.
+        It ends with `mj_step1`, so that the controller reads contacts of the new time.
         """
         self._motors.drive(self.conditions.motor_strength, self._disturbed(inputs))
         mujoco.mj_step2(self.model, self.data)
@@ -106,13 +98,13 @@ class A1Physics(Simulation):
         self._arrive()
 
     def place_geoms(self) -> None:
-        """Do nothing: the end of a tick has moved them."""
+        """Do nothing: a tick ends with it."""
 
     def _set_conditions(self) -> None:
         self.model.geom_friction[self._feet, 0] = self.conditions.floor_friction
 
     def _arrive(self) -> None:
-        """Compute what follows from the new positions and velocities, and note them."""
+        """Compute what follows from the new positions and velocities, and read the state."""
         mujoco.mj_step1(self.model, self.data)
         self.truth = np.empty(STATE_SIZE)
         self._finite = self._reader.read(self.truth)
@@ -128,12 +120,7 @@ class A1Physics(Simulation):
         return self.truth[BASE]
 
     def state(self, known: Array | None = None) -> RobotState:
-        """Return what the robot's sensors and its estimator say now.
-
-        Args:
-            known: (41,) the state's vector as estimated, to which the sensors' noise is added; None
-                means the truth.
-        """
+        """Return the state (41,) as estimated, the truth by default, with the sensors' noise."""
         vector = self.truth if known is None else known
         noise = self.conditions.sensor_noise
         if noise == 0.0:

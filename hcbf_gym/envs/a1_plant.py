@@ -1,4 +1,4 @@
-"""What controller and filter believe of the A1 and its ground, from what is declared."""
+"""What controller and filter assume of the A1 and its ground, from what is declared."""
 
 import math
 from collections.abc import Mapping
@@ -28,7 +28,6 @@ FASTEST = 1.7
 """The highest cap [m/s] that a scenario may set."""
 
 NOMINAL = Randomization()
-"""The plant of which nothing else was declared."""
 
 UNCERTAINTY = Uncertainty(
     distance=0.025,
@@ -39,7 +38,7 @@ UNCERTAINTY = Uncertainty(
     speed=0.18,
     speed_per_velocity=0.8,
 )
-"""What the trunk does beside its reduced-order model, calibrated with the hostile episodes of
+"""The trunk's distance from its reduced-order model, calibrated with the hostile episodes of
 docs/guarantees.md."""
 
 
@@ -49,79 +48,48 @@ class Law(NamedTuple):
     Rows on the position reserve ``fast max(0, v − V_MAX) + w max(1, v / 1 m/s)`` more than on the
     nominal plant, the speed limit ``share w v + ‖u‖ late``, with late the torque's delay beyond the
     nominal one and w the sum of the other terms, each times how far its range leaves the nominal
-    plant. No margin carries a fall: a cap above ``FASTEST − slower w`` is lowered to it.
-
-    Attributes:
-        fast: of the cap above `V_MAX` [s].
-        rough: of rough ground [m].
-        slippery: of the friction that the floor lacks [m].
-        payload: [m/kg].
-        weak: of the share of the torque that is missing [m].
-        late: of the delay [m/s].
-        noise: of the scale of the sensors' noise [m].
-        share: of w v [1/m].
-        slower: of w [1/s].
+    plant. No margin covers a fall: a cap above ``FASTEST − slower w`` is lowered to it.
     """
 
-    fast: float
-    rough: float
-    slippery: float
-    payload: float
-    weak: float
-    late: float
-    noise: float
-    share: float
-    slower: float
+    fast: float = 0.1  # of the cap above `V_MAX` [s]
+    rough: float = 0.014  # of rough ground [m]
+    slippery: float = 0.04  # of the friction that the floor lacks [m]
+    payload: float = 0.002  # [m/kg]
+    weak: float = 0.03  # of the share of the torque that is missing [m]
+    late: float = 2.5  # of the delay [m/s]
+    noise: float = 0.02  # of the scale of the sensors' noise [m]
+    share: float = 1.0  # of w v [1/m]
+    slower: float = 10.0  # of w [1/s]
 
 
-LAW = Law(
-    fast=0.1,
-    rough=0.014,
-    slippery=0.04,
-    payload=0.002,
-    weak=0.03,
-    late=2.5,
-    noise=0.02,
-    share=1.0,
-    slower=10.0,
-)
+LAW = Law()
 """Calibrated with hostile episodes of `evaluation.certification.mixture`."""
 
-BELIEVED = 0.75
-"""Share of the floor's least friction that the controller believes: the rest is for slips."""
+PLANNED = 0.75
+"""Share of the floor's least friction that the controller plans with: the rest is for slips."""
 
 CARRIED = 0.85
 """Share of µg that a component of u may take: the rest holds the trunk on its reference."""
 
-SLIP = 0.08
-"""The watch's bound of slip on the nominal plant [m/s]."""
+SLIP, LAG, LIFT = 0.08, 0.2, 0.9
+"""The watch's bounds: of slip on the nominal plant [m/s], of lag, and of lift beyond what is
+declared [m/s²]."""
 
 ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 2000.0
 """What adds to it: rough ground, an estimated velocity, sensor noise of 1 [m/s], and the square of
 the delay [m/s³]."""
 
-LAG = 0.2
-"""The watch's bound of lag."""
 
-LIFT = 0.9
-"""The watch's bound of lift beyond what is declared [m/s²]."""
-
-
-def believed_friction(declared: Randomization) -> float:
+def derived_friction(declared: Randomization) -> float:
     """Return µ of the contact forces: three quarters of the least that the floor may have.
 
-    More than the nominal floor's, on which the robot walks as well as it can, is not believed.
+    It is no more than the nominal floor's, on which the robot walks as well as it can.
     """
-    return min(_core.FULL_GRIP, max(LEAST_FRICTION, BELIEVED * declared.floor_friction[0]))
+    return min(_core.FULL_GRIP, max(LEAST_FRICTION, PLANNED * declared.floor_friction[0]))
 
 
 def carried_inputs(input_set: InputSet, friction: float) -> InputSet:
-    """Return U, shrunk until the ground carries it: ``|u_i| ≤ .85 µ g``.
-
-    Args:
-        input_set: of the scenario.
-        friction: µ that is believed.
-    """
+    """Return U, shrunk until the ground with this µ carries it: ``|u_i| ≤ .85 µ g``."""
     largest = float(np.abs(input_set.vertices()).max())
     share = CARRIED * friction * GRAVITY / largest
     return input_set if share >= 1.0 else input_set.scaled(share)
@@ -134,33 +102,29 @@ def plant_model(
     friction: float,
     reach: float,
 ) -> PlantModel:
-    """Return what a filter takes for true of the A1.
+    """Return what a filter assumes of the A1.
 
     Args:
         arguments: of the environment, as certificates compare them.
         scenario: the first scene.
-        declared: what the plant's conditions are drawn from.
-        friction: µ that is believed.
+        declared: the ranges of the plant's conditions.
+        friction: µ that the controller plans with.
         reach: of the robot beyond its trunk's centre [m]; 0 for a point.
-
-    Raises:
-        InvalidInputError: if the scenario's cap on the speed is more than the A1 walks, or leaves
-            no speed.
     """
     terrain = str(arguments["terrain"])
     input_set = carried_inputs(scenario.input_set, friction)
     v_max = speed_limit(scenario, declared, terrain, input_set)
     uncertainty = uncertainty_of(declared, terrain, reach, input_set, v_max)
-    told = records.plain({
+    stated = records.plain({
         **arguments,
         **{name: getattr(declared, name) for name in PlantConditions._fields},
         "payload_position": declared.payload_position if declared.payload[1] > 0.0 else None,
-        "friction_derived": round(believed_friction(declared), 9),
+        "friction_derived": round(derived_friction(declared), 9),
         "obstacles": len(scenario.obstacles),
         "input_set": round(braking.weakest(input_set), 9),
         "v_max": v_max,
     })  # fmt: skip
-    return PlantModel(input_set, v_max, uncertainty, told, certificates.nearest(told))
+    return PlantModel(input_set, v_max, uncertainty, stated, certificates.nearest(stated))
 
 
 def uncertainty_of(
@@ -168,15 +132,8 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model; see `Law`.
 
-    Args:
-        declared: what the plant's conditions are drawn from.
-        terrain: "flat" or "rough".
-        body: what the robot reaches beyond its trunk's centre [m]; 0 for a point.
-        input_set: U, as the ground carries it.
-        v_max: the strict cap on the speed [m/s].
-
-    Raises:
-        InvalidInputError: if the margin of the speed limit leaves no speed.
+    The body reaches so far beyond the trunk's centre [m], 0 for a point; U is what the ground
+    carries, `v_max` the strict cap on the speed [m/s].
     """
     fast = LAW.fast * max(0.0, v_max - V_MAX)
     still, growing = _speed_margin(declared, terrain, input_set)
@@ -194,11 +151,6 @@ def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) ->
 
     It is ``FASTEST − slower w`` of `LAW`, or less where U could not stop the robot: a cap v leaves
     the model ``√(v² − 2 v m)`` after the margin m of its row, no more than `braking.stoppable`.
-
-    Args:
-        declared: what the plant's conditions are drawn from.
-        terrain: "flat" or "rough".
-        input_set: U, as the ground carries it.
     """
     walked = FASTEST - LAW.slower * _unlike(declared, terrain)
     if walked <= 0.0:
@@ -210,24 +162,19 @@ def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) ->
     return math.floor(1e3 * min(walked, stopped)) / 1e3
 
 
-class _SpeedMargin(NamedTuple):
-    """What the speed limit reserves: `still` [m/s], and `growing` for each m/s of the cap [-]."""
-
-    still: float
-    growing: float
-
-
-def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> _SpeedMargin:
-    """Return what the speed limit reserves.
+def _speed_margin(
+    declared: Randomization, terrain: str, input_set: InputSet
+) -> tuple[float, float]:
+    """Return what the speed limit reserves at rest [m/s], and more for each m/s of the cap [-].
 
     A torque that comes late leaves the trunk with the velocity that u changed meanwhile.
     """
     changed = _late(declared) * input_set.radius
-    return _SpeedMargin(UNCERTAINTY.speed + changed, LAW.share * _unlike(declared, terrain))
+    return UNCERTAINTY.speed + changed, LAW.share * _unlike(declared, terrain)
 
 
 def _unlike(declared: Randomization, terrain: str) -> float:
-    """Return w of `Law` [m], how unlike the nominal plant the declared ones may be."""
+    """Return w of `Law` [m], the distance of the declared plants from the nominal one."""
     return (
         LAW.rough * (terrain != "flat")
         + LAW.slippery * max(0.0, NOMINAL.floor_friction[0] - declared.floor_friction[0])
@@ -248,10 +195,10 @@ def watch_bounds(
 ) -> WatchBounds:
     """Return how large the watch's signals may be on the plants that are declared.
 
-    A payload p and motors of strength s ask for the lift ``g ((1 + p / m) / s − 1)``.
+    A payload p and motors of strength s need the lift ``g ((1 + p / m) / s − 1)``.
 
     Args:
-        declared: what the plant's conditions are drawn from.
+        declared: the ranges of the plant's conditions.
         terrain: "flat" or "rough".
         estimated: whether the trunk's velocity is an estimate.
         mass: m of the robot [kg].
@@ -266,29 +213,21 @@ def watch_bounds(
 def speed_limit(
     scenario: Scenario, declared: Randomization, terrain: str, input_set: InputSet
 ) -> float:
-    """Return the strict cap on the speed [m/s]: the scenario's, or less if the plant carries less.
-
-    Warns where it is lowered.
-
-    Args:
-        scenario: what is asked.
-        declared: what the plant's conditions are drawn from.
-        terrain: "flat" or "rough".
-        input_set: U, as the ground carries it.
+    """Return the strict cap on the speed [m/s]: the scenario's, or with a warning what is carried.
 
     Raises:
         InvalidInputError: if the scenario's is more than the A1 walks.
     """
-    asked = V_MAX if scenario.v_max is None else scenario.v_max
-    if asked > FASTEST:
+    cap = V_MAX if scenario.v_max is None else scenario.v_max
+    if cap > FASTEST:
         raise InvalidInputError(
-            f"{scenario.name}: v_max: got {asked} m/s, expected at most {FASTEST} for the A1"
+            f"{scenario.name}: v_max: got {cap} m/s, expected at most {FASTEST} for the A1"
         )
     carried = carried_speed(declared, terrain, input_set)
-    if asked <= carried:
-        return asked
+    if cap <= carried:
+        return cap
     warn_caller(
-        f"HCBF-A1Regions-v0: v_max: {asked} m/s is lowered to {carried} m/s, the highest cap that "
+        f"HCBF-A1Regions-v0: v_max: {cap} m/s is lowered to {carried} m/s, the highest cap that "
         f"the declared plant carries: U stops it with {braking.weakest(input_set):.3g} m/s² in its "
         "weakest direction",
         LoweredWarning,

@@ -29,62 +29,47 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
     ## Description
     The task of `RegionsEnv` with the whole robot: 12 torque-driven joints in MuJoCo. The action is
     the acceleration of a reduced-order model of the trunk; a trot with Raibert footholds, a
-    task-space QP and joint impedance, at 500 Hz, carry it to the joints.
-
-    ## Action Space
-    `Box(low, high, (2,), float32)`, the acceleration u [m/s²] of the trunk in the world, held for
-    0.02 s; ±5 m/s² in the paper's scenes. Values outside are clipped; NaN and other shapes are
-    refused.
-
-    ## Observation Space
-    `Box(-inf, inf, (8 + 4 m,), float64)`, index by index that of `RegionsEnv`, with the state that
-    `feedback` names; a policy trained there acts here unchanged.
-
-    ## Rewards
-    Those of `RegionsEnv`.
+    task-space QP and joint impedance, at 500 Hz, turn it into torques. Action, observation (with
+    the state that `feedback` names) and rewards are those of `RegionsEnv`, index by index, so that
+    a policy trained there acts here unchanged.
 
     ## Starting State
-    Standing at the scenario's start, facing along the reference.
+    At rest at the scenario's start, facing along the reference.
 
     ## Episode End
-    Terminated when the robot falls, or when a "reach" task's goal is within the scenario's
-    `goal_radius`; truncated after 1000 steps (20 s).
+    That of `RegionsEnv`, and terminated when the robot falls.
 
     ## Infos
     Those of `RegionsEnv`, with h of the measured trunk at every physics step in `min_h`; the strict
-    speed limit is the last barrier. Besides, `fallen` (0 or 1), `qp_failures` (task-space QPs
+    speed limit is the last barrier. Also `fallen` (0 or 1), `qp_failures` (task-space QPs
     without a solution so far), `obstacle_force` (k,) the largest contact force with each box
     during the step [N], and `slip` [m/s], `lag` and `lift` [m/s²], by which the robot notices a
     plant that was not declared, see `hcbf_gym.locomotion.watch.Watch`.
 
     ## Arguments
-    * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
-      a `Scenario`.
+    * `scenario`: as `RegionsEnv` takes it.
     * `feedback`: "position" closes the loop on the trunk's position and the reduced-order model's
-      velocity, which does not sway with every step; "measured" on the trunk's position and
+      velocity, which does not oscillate with every step; "measured" on the trunk's position and
       velocity, "rom" on that model's own state.
     * `xml_file`: MJCF of another robot with the A1's joints; None for the package's own.
     * `timestep`: of the physics and the low-level controller [s]; must divide 0.02 s.
-    * `gait`: "trot", "walk", or "stand" (which trots when something is asked or disturbs).
+    * `gait`: "trot", "walk", or "stand" (which trots on a command or a disturbance).
     * `friction`: µ of the contact forces that the controller plans, and to which the filter's U and
-      the robot's turns are fitted; None believes three quarters of the least that `randomization`
+      the robot's turns are fitted; None is three quarters of the least that `randomization`
       lets the floor have, at most 0.6.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, sensor noise, start pose. Margins grow with them, and a cap on the speed that
       the plant does not carry is lowered with a `LoweredWarning`; see `a1_plant.Law`.
     * `disturbances`: plain dict of scheduled or random pushes.
-    * `estimation`: None lets the loop see the true state; "motion-capture", "lidar", "uwb" or a
-      plain dict of `hcbf_gym.estimation.Sensors`' fields lets controller, observation and safety
-      filter see an estimate. h, rewards, ends and costs are always the truth's.
+    * `estimation`: None closes the loop on the true state; "motion-capture", "lidar", "uwb" or a
+      plain dict of `hcbf_gym.estimation.Sensors`' fields gives controller, observation and safety
+      filter an estimate. h, rewards, ends and costs are always the truth's.
     * `body`: what must stay outside: "point", the trunk's centre as in the paper, or "footprint",
-      the whole robot, for which infos then have `body_h` and `min_body_h` (m,) besides.
+      the whole robot, for which infos also have `body_h` and `min_body_h` (m,).
     * `diagnostics`: adds `info["locomotion"]`: stance, foot targets, torques, the QP's status and
       residual.
     * `render_mode`: None, "rgb_array", or "human" (a window).
-
-    ## Version History
-    * v0: first release.
     """
 
     def __init__(
@@ -119,11 +104,10 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         footprint = footprint_of(body, simulation)
         reach = 0.0 if footprint is None else footprint.radius(simulation.home_joints)
         declared = Randomization.from_dict(randomization)
-        if friction is None:
-            believed = a1_plant.believed_friction(declared)
-        else:
-            believed = check_friction(friction)
-        told = {
+        planned = a1_plant.derived_friction(declared)
+        if friction is not None:
+            planned = check_friction(friction)
+        arguments = {
             "environment": "HCBF-A1Regions-v0",
             "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
             "feedback": feedback,
@@ -135,11 +119,11 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
             "estimation": None if estimation is None else asdict(sensors.make(estimation)),
             "body": body,
         }
-        known = a1_plant.plant_model(told, scenes.own, declared, believed, reach)
+        known = a1_plant.plant_model(arguments, scenes.own, declared, planned, reach)
         controller = LocomotionController(
             simulation.robot.xml_file,
             timestep=timestep,
-            friction=believed,
+            friction=planned,
             gait=gait,
             max_speed=known.v_max,
         )
@@ -160,7 +144,6 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         return self.drive.controller
 
     def _info_of(self, motion: Motion) -> Info:
-        """Return what infos say of the robot besides."""
         watch = self.drive.watch
         info = super()._info_of(motion) | {
             "qp_failures": np.float64(self.controller.failed),

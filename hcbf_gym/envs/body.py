@@ -1,4 +1,4 @@
-"""How near the robot's whole body comes to every region."""
+"""The distance of the robot's whole body from every region."""
 
 import mujoco
 import numpy as np
@@ -10,17 +10,9 @@ from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.errors import choose
 from hcbf_gym.robots.body_points import body_of, radius
 
-BODIES = ("point", "footprint")
-"""What must stay outside: the point that follows the model, or the whole robot."""
-
 
 class Footprint:
-    """How near the whole robot comes to the barriers of a scene.
-
-    Args:
-        model: the compiled scene.
-        trunk: the name of the robot's first body.
-    """
+    """Measures the distance of the whole robot, whose first body is the trunk, from barriers."""
 
     def __init__(self, model: mujoco.MjModel, trunk: str):
         self._model = model
@@ -50,14 +42,6 @@ class Footprint:
 
 
 def footprint_of(body: str, simulation: Simulation) -> Footprint | None:
-    """Return what measures the whole robot's distance; None for a point.
-
-    Args:
-        body: a name of `BODIES`.
-        simulation: the scene with the robot in it.
-
-    Raises:
-        UnknownNameError: if there is no such body.
-    """
-    choose("body", body, dict.fromkeys(BODIES))
+    """Return what measures the distance of a body "footprint"; None for "point"."""
+    choose("body", body, dict.fromkeys(("point", "footprint")))
     return None if body == "point" else Footprint(simulation.model, simulation.trunk)

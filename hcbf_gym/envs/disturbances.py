@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,34 +12,16 @@ from hcbf_gym.records import check_mapping, from_dict
 
 MOST_PUSHES = 10_000
 """In an episode: every tick looks through them."""
-
-LONGEST = 1e5
-"""Of any time in a schedule [s]."""
-
-STRONGEST = 1e5
-"""Force of a push along an axis [N]: a hundred times the robot's weight and more."""
+LONGEST, STRONGEST = 1e5, 1e5
+"""Of any time in a schedule [s], and of a push along an axis [N]."""
 
 
 class Push(NamedTuple):
-    """A constant force at the trunk's centre of mass.
+    """A constant force at the trunk's centre of mass."""
 
-    Attributes:
-        time: when it starts [s].
-        duration: [s].
-        force: (3,) in the world [N].
-    """
-
-    time: float
-    duration: float
-    force: Array
-
-
-class Disturbance(Protocol):
-    """Something that yields the pushes of an episode."""
-
-    def draw(self, rng: np.random.Generator) -> list[Push]:
-        """Return the pushes of one episode."""
-        ...
+    time: float  # of its start [s]
+    duration: float  # [s]
+    force: Array  # (3,) in the world [N]
 
 
 @dataclass(frozen=True)
@@ -61,7 +43,7 @@ class ScheduledPushes:
         self.draw(np.random.default_rng(0))
 
     def draw(self, rng: np.random.Generator) -> list[Push]:
-        """Return the pushes; nothing is random about them."""
+        """Return the pushes."""
         return [_push(entry) for entry in self.pushes]
 
 
@@ -111,7 +93,9 @@ class RandomPushes:
 _KINDS = {"scheduled": ScheduledPushes, "random": RandomPushes}
 
 
-def disturbance_from_dict(values: Mapping[str, object] | None) -> Disturbance:
+def disturbance_from_dict(
+    values: Mapping[str, object] | None,
+) -> ScheduledPushes | RandomPushes:
     """Return what a plain dict ``{"kind": "scheduled" | "random", …}`` describes; None is calm.
 
     Raises:

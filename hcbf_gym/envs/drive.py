@@ -1,4 +1,4 @@
-"""A robot in its scene, with what steers it, run for one control step at a time."""
+"""A robot in its scene with its controller, run for one control step at a time."""
 
 import math
 from abc import ABC, abstractmethod
@@ -19,43 +19,36 @@ S = TypeVar("S", bound=Simulation)
 
 
 class Motion(NamedTuple):
-    """What happened from one action to the next.
+    """A robot's motion from one action to the next."""
 
-    Attributes:
-        path: (k, 4) planar position [m] and velocity [m/s] of the trunk's origin, after every tick.
-        times: (k,) of them since the reset [s].
-        obstacle_force: (b,) the largest force with each box [N].
-        body_h: (m,) of the whole robot at the end [m]; None where it counts as a point.
-        least_body_h: (m,) the least of it.
-    """
-
-    path: Array
-    times: Array
-    obstacle_force: Array
-    body_h: Array | None = None
-    least_body_h: Array | None = None
+    path: Array  # (k, 4) planar position [m] and velocity [m/s] of the trunk's origin, by tick
+    times: Array  # (k,) of them since the reset [s]
+    obstacle_force: Array  # (b,) the largest force with each box [N]
+    body_h: Array | None = None  # (m,) of the whole robot at the end [m]; None for a point
+    least_body_h: Array | None = None  # (m,) the least of it
 
 
 class Drive(ABC, Generic[S]):
-    """A robot in its scene, with what steers it; a subclass says what one tick is.
+    """A robot in its scene with its controller; a subclass defines one tick.
 
     Args:
         simulation: the scene with the robot in it.
         footprint: measures the whole robot's distance to the regions; None for a point.
-        look_ahead: how far before the trunk's origin the point lies that follows the model [m].
+        look_ahead: distance of the point that follows the model before the trunk's origin [m].
 
     Attributes:
         truth: (4,) position [m] and velocity [m/s] of that point.
         origin: (4,) of the trunk's origin, which must stay outside.
-
-    Raises:
-        InvalidInputError: if the simulation's tick does not divide the control step.
     """
 
     def __init__(self, simulation: S, footprint: Footprint | None, look_ahead: float):
         self.simulation, self._footprint, self._look_ahead = simulation, footprint, look_ahead
         self._timestep = float(simulation.model.opt.timestep)
-        count = ticks_of(self._timestep)
+        count = round(task.CONTROL_DT / self._timestep)
+        if count < 1 or abs(count * self._timestep - task.CONTROL_DT) > 1e-9:
+            raise InvalidInputError(
+                f"timestep: got {self._timestep} s, expected one that divides {task.CONTROL_DT} s"
+            )
         self._ticks: Array = np.arange(1, count + 1) * np.float64(self._timestep)
         self._base: Array = np.empty((count, BASE_SIZE))
         self._rows = list(self._base)
@@ -63,20 +56,16 @@ class Drive(ABC, Generic[S]):
         self.rest(np.zeros(2))
 
     def rest(self, position: Array) -> None:
-        """Count as standing at a position (2,) [m], before the first reset."""
+        """Be at rest at a position (2,) [m]."""
         self.truth: Array = np.array([*position, 0.0, 0.0])
         self.origin: Array = self.truth
 
     def reset(
         self, position: Array, yaw: float, barriers: BarrierSet, rng: np.random.Generator
     ) -> Motion:
-        """Put the point that follows at rest at a position (2,) [m]; nothing has happened.
+        """Put the point that follows the model at rest at a position (2,) [m], heading yaw [rad].
 
-        Args:
-            position: (2,) [m].
-            yaw: the robot's heading [rad].
-            barriers: from which the body's distance is measured.
-            rng: decides what is random.
+        The body's distance is measured from the barriers; `rng` decides what is random.
         """
         ahead = self._look_ahead * np.array([math.cos(yaw), math.sin(yaw)])
         self.simulation.reset(position - ahead, yaw, rng)
@@ -90,13 +79,7 @@ class Drive(ABC, Generic[S]):
 
     @abstractmethod
     def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
-        """Hold the acceleration u (2,) [m/s²] of the model for one control step.
-
-        Args:
-            u: (2,) [m/s²].
-            barriers: from which the body's distance is measured.
-            time: at which it begins, since the reset [s].
-        """
+        """Hold the model's u (2,) [m/s²] for the control step that begins at a time [s]."""
 
     @abstractmethod
     def estimate(self, time: float) -> Estimate:
@@ -104,14 +87,11 @@ class Drive(ABC, Generic[S]):
 
     @abstractmethod
     def _begin(self, rng: np.random.Generator) -> None:
-        """Begin an episode with the robot where the simulation has put it."""
+        """Begin an episode at the simulation's pose."""
 
     @abstractmethod
     def _tick(self, k: int) -> bool:
-        """Advance by tick k of the control step; return whether the state is still finite.
-
-        The tick begins at ``_began + k _timestep`` since the reset [s].
-        """
+        """Advance by tick k, from ``_began + k _timestep`` on; return whether x is still finite."""
 
     def _run(self, barriers: BarrierSet, time: float) -> Motion:
         """Run the ticks of one control step that begins at a time [s]."""
@@ -136,9 +116,9 @@ class Drive(ABC, Generic[S]):
         return Motion(path, times, force, bodies[-1], np.minimum.reduce(bodies))
 
     def _walked(self, base: Array) -> Array:
-        """Return the way (k, 4) of the trunk's origin, and note where the point that follows is."""
+        """Return the path (k, 4) of the trunk's origin; set it and the point that follows."""
         path = tracked(base, 0.0)
-        if len(path) == 0:  # the last finite state stands
+        if len(path) == 0:  # the last finite state holds
             return self.origin[None]
         self.origin = path[-1]
         self.truth = path[-1]
@@ -153,26 +133,10 @@ class Drive(ABC, Generic[S]):
         return self._footprint.h(self.simulation.data, barriers, time)
 
 
-def ticks_of(timestep: float) -> int:
-    """Return how many ticks of this length [s] a control step has.
-
-    Raises:
-        InvalidInputError: if they do not divide it.
-    """
-    ticks = round(task.CONTROL_DT / timestep)
-    if ticks < 1 or abs(ticks * timestep - task.CONTROL_DT) > 1e-9:
-        raise InvalidInputError(
-            f"timestep: got {timestep} s, expected one that divides {task.CONTROL_DT} s"
-        )
-    return ticks
-
-
 def tracked(base: Array, look_ahead: float) -> Array:
-    """Return (n, 4) position and velocity of the point before the trunk, while they are finite.
+    """Return (n, 4) position and velocity of the point ℓ [m] before the trunk, while finite.
 
-    Args:
-        base: (k, 13) position, quaternion, velocity and turning rate of the trunk.
-        look_ahead: ℓ [m].
+    The trunk's `base` (k, 13) is position, quaternion, velocity and turning rate.
     """
     path = np.empty((len(base), 4))
     return path[: _core.tracked_path(base, look_ahead, path)]

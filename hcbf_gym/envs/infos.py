@@ -1,6 +1,6 @@
 """Info of N environments as Gymnasium's vector environments give them, in every autoreset mode.
 
-Beside each entry ``key``, with a leading axis N, stands ``_key``: which environments report it.
+Beside each entry ``key``, with a leading axis N, ``_key`` marks which environments report it.
 """
 
 from typing import Any
@@ -13,11 +13,7 @@ from hcbf_gym.errors import choose
 
 
 def mode_of(mode: str | AutoresetMode) -> AutoresetMode:
-    """Return how a vector environment starts over: "NextStep", "SameStep" or "Disabled".
-
-    Raises:
-        UnknownNameError: if it is none of them; the message lists them.
-    """
+    """Return Gymnasium's mode "NextStep", "SameStep" or "Disabled"."""
     if isinstance(mode, AutoresetMode):
         return mode
     return choose("autoreset_mode", mode, {one.value: one for one in AutoresetMode})
@@ -53,48 +49,25 @@ def put(infos: Info, mask: Mask, fresh: Info) -> None:
             infos[key][mask] = value[mask]
 
 
-def endings(infos: Info, done: Mask, last: Array) -> Info:
-    """Return the entries that mode SameStep adds to a step in which episodes ended.
+def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
+    """Turn a step's infos into those of a step that ended with a reset (mode SameStep), in place.
 
-    Args:
-        infos: of the step, without what resets report.
-        done: (N,) whose episodes ended.
-        last: (N, …) the observations at the step's end.
+    Episodes `done` (N,) ended with the observations `last` (N, …); `fresh` is of the reset.
     """
     final_obs = np.full(len(done), None, dtype=object)
     for i in np.flatnonzero(done):
         final_obs[i] = last[i].copy()
-    return {
-        "final_obs": final_obs,
-        "_final_obs": done.copy(),
-        "final_info": only(infos, done),
-        "_final_info": done.copy(),
-    }
-
-
-def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
-    """Turn a step's infos into those of a step that ended with a reset (mode SameStep), in place.
-
-    Args:
-        infos: of the step.
-        done: (N,) whose episodes ended.
-        last: (N, …) the observations at the step's end.
-        fresh: infos of the reset.
-    """
-    ended = endings(infos, done, last)
+    final_info = only(infos, done)
     put(infos, done, fresh)
-    infos |= ended
+    infos |= {"final_obs": final_obs, "_final_obs": done.copy()}
+    infos |= {"final_info": final_info, "_final_info": done.copy()}
 
 
 class Reporter:
-    """Adds one entry to a vector environment's infos.
+    """Adds the entry `key` to a vector environment's infos.
 
-    What happened in a step must not be said of an environment that was reset in it: there stands
-    what a reset reports, and with mode SameStep the step's own part goes to ``final_info``.
-
-    Args:
-        env: whose infos are added to.
-        key: of the entry.
+    An environment that was reset in a step reports the reset's entry, not the step's; with mode
+    SameStep the step's own part goes to ``final_info``.
     """
 
     def __init__(self, env: VectorEnv, key: str):
@@ -103,12 +76,9 @@ class Reporter:
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
 
     def at_reset(self, infos: Info, fresh: Any, options: dict[str, Any] | None) -> None:
-        """Add what a reset reports, for those of ``options["reset_mask"]`` or for all.
+        """Add what a reset reports, for those of ``options["reset_mask"]`` or for all, in place.
 
-        Args:
-            infos: of the reset; added to in place.
-            fresh: (N, …) the entry after a reset, or a dict of such arrays.
-            options: of the reset, as they were given.
+        The entry `fresh` after a reset is (N, …), or a dict of such arrays.
         """
         everyone = np.ones_like(self._ended)
         mask = everyone if options is None else options.get("reset_mask", everyone)
@@ -131,8 +101,8 @@ class Reporter:
             restarted = self._ended
         elif self._mode is AutoresetMode.SAME_STEP:
             restarted = ended
-        if self._mode is AutoresetMode.SAME_STEP and ended.any():
-            infos["final_info"] |= only(with_masks(added, everyone), ended)
+            if ended.any():
+                infos["final_info"] |= only(with_masks(added, everyone), ended)
         if restarted.any():
             put(added, restarted, {self._key: fresh(restarted) if callable(fresh) else fresh})
         infos |= with_masks(added, everyone)

@@ -1,4 +1,4 @@
-"""What may differ between the plant and what the controller believes."""
+"""Ranges in which the plant may differ from the controller's model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,22 +21,14 @@ LARGEST = {
     "start_distance": 100.0,  # [m]
     "start_yaw": float(np.pi),  # [rad]
 }
-"""What a range may reach: more is a slip of the pen, or fills the memory."""
+"""The end of a range at most: more is a slip of the pen, or fills the memory."""
 
 FARTHEST_PAYLOAD = 1.0
 """From the trunk's origin along an axis [m]."""
 
 
 class PlantConditions(NamedTuple):
-    """One draw: the conditions of one episode.
-
-    Attributes:
-        floor_friction: Coulomb friction of the feet's contacts.
-        payload: strapped to the trunk [kg].
-        motor_strength: share of the commanded torque that arrives.
-        delay: between a measurement and the torque it leads to [s].
-        sensor_noise: scale of the noise on what the sensors give.
-    """
+    """The conditions of one episode, in the units of `Randomization`."""
 
     floor_friction: float
     payload: float
@@ -56,7 +48,7 @@ class Randomization:
         motor_strength: share of the commanded torque that arrives, positive.
         delay: between a measurement and the torque it leads to [s], rounded to physics ticks; of
             the nominal plant one tick of the 500 Hz loop.
-        sensor_noise: scale of white noise on what the controller is told; 1 means standard
+        sensor_noise: scale of white noise on what the controller measures; 1 means standard
             deviations of .1 m/s, .2 rad/s, .005 rad on the trunk, .01 rad and .6 rad/s on the
             joints, and one contact in 200 reported wrongly.
         start_distance: from the scenario's start, in any direction [m].
@@ -87,11 +79,7 @@ class Randomization:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, object] | None) -> "Randomization":
-        """Return the ranges that a plain dict names; None means the nominal plant.
-
-        Raises:
-            InvalidInputError: on an unknown name, which lists those there are, or a bad range.
-        """
+        """Return the ranges that a plain dict names; None means the nominal plant."""
         if values is None:
             return cls()
         check_mapping("randomization", values)

@@ -1,25 +1,19 @@
 """HCBF-Regions-v0: the reduced-order robot alone in the ranked regions."""
 
 from collections import deque
+from functools import cached_property
 from typing import TYPE_CHECKING
 
-import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
-from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.certificates import Judged
 from hcbf_gym.envs import task
-from hcbf_gym.envs.plain_spec import PlainSpec
-from hcbf_gym.envs.plants import plant_of, warn_of
+from hcbf_gym.envs.plants import SingleRegions, exact
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario, ScenarioLike
 
 if TYPE_CHECKING:
@@ -29,7 +23,7 @@ PATH_POINTS = 3000
 """How many of the last positions a picture shows; an episode without end forgets the others."""
 
 
-class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
+class RegionsEnv(SingleRegions):
     """The reduced-order robot walks through dangerous regions that are ranked by priority.
 
     ## Description
@@ -64,7 +58,7 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
 
     ## Starting State
     At rest at the scenario's start. A family such as `scenario="random"` draws another scene at
-    every reset, and may have an observation, reward and costs of its own.
+    every reset, and may have its own observation, reward and costs.
     ``reset(options={"scenario": …, "start": (x, y)})`` sets another scene of the same kind, or
     another start, for one episode.
 
@@ -85,76 +79,32 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
       a `Scenario`.
     * `render_mode`: None or "rgb_array", a top-down picture.
-
-    ## Version History
-    * v0: first release.
     """
-
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's form
 
     def __init__(
         self,
         scenario: ScenarioLike = "paper-simulation",
         render_mode: str | None = None,
     ):
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InvalidInputError(
-                f"render_mode: got {render_mode!r}, expected None or one of "
-                f"{self.metadata['render_modes']}"
-            )
-        self.render_mode = render_mode
-        self._scenes = SceneSource(scenario)
-        self.scenario = self._scenes.own
-        self._batch = RegionsBatch([self.scenario], hooks=self._scenes.hooks)
-        self.action_space: spaces.Space = task.action_space(self.scenario.input_set)
-        self.observation_space: spaces.Space = task.observation_space(self._batch.look()[0])
-        self._view: TopDownView | None = None
+        scenes = SceneSource(scenario)
+        self._declare(exact(scenes), scenes, render_mode)
+        self._batch = RegionsBatch([self.scenario], scenes.hooks)
+        self.action_space = task.action_space(self.scenario.input_set)
+        self.observation_space = task.observation_space(self._batch.look()[0])
         self._path: deque[Array] = deque(maxlen=PATH_POINTS)
-        self._family = self._scenes.family({})
-        self._found = certificates.nearest(self.declared)
-        warn_of("HCBF-Regions-v0", self._found.judged)
-        self._started = False
 
     @property
     def rom_state(self) -> Array:
         """(4,) position [m] and velocity [m/s]."""
         return self._batch.x[0].copy()
 
-    @property
-    def barriers(self) -> tuple[Barrier, ...]:
-        """The scenario's barriers, then the environment's own, in the order of info["h"]."""
-        return task.barriers_of(self.scenario, self.scenario.v_max)
-
-    @property
-    def plant(self) -> Plant:
-        """What a safety filter must know."""
-        return plant_of(self.scenario.input_set)
-
-    @property
-    def judged(self) -> Judged:
-        """Whether the promise was tested in this episode's family of scenes, and why not."""
-        return self._found.again(self.declared)
-
-    @property
-    def declared(self) -> dict[str, object]:
-        """What tells this plant from others, as certificates compare it."""
-        return {"environment": "HCBF-Regions-v0", "scene": self._family}
+    truth = rom_state
 
     @property
     def estimate(self) -> Estimate:
         """The state, which is known exactly."""
         batch = self._batch
         return Estimate(batch.x[0].copy(), batch.steps[0] * task.CONTROL_DT)
-
-    @property
-    def truth(self) -> Array:
-        """(4,) the true state, position [m] and velocity [m/s]."""
-        return self.rom_state
-
-    @property
-    def goal(self) -> Array:
-        """(2,) where the reference ends [m]."""
-        return self.scenario.goal
 
     @property
     def barrier_set(self) -> BarrierSet:
@@ -165,43 +115,6 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
     def time(self) -> float:
         """Time since the reset [s]."""
         return float(self._batch.time[0])
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, object] | None = None
-    ) -> tuple[Array, Info]:
-        """Start a new episode; a seed decides everything that follows.
-
-        Args:
-            seed: of the scenes; None goes on.
-            options: "scenario" and "start" (2,) [m] of this episode alone.
-
-        Raises:
-            InvalidInputError: if an option is unknown, or the scene is of another kind.
-        """
-        given = self._scenes.check(options)
-        super().reset(seed=task.check_seed(seed))
-        scene = self._scenes.next(self.np_random, given)
-        if scene is not self.scenario:
-            self.scenario = scene
-            self._batch.set_scene(0, scene)
-        self._batch.restart(np.ones(1, dtype=np.bool_))
-        self._family = self._scenes.family(given)
-        self._path.clear()
-        self._path.append(self.rom_state[:2])
-        self._started = True
-        observation, info = self._batch.reset_infos()
-        return observation[0], task.first(info)
-
-    def change_scene(self, scenario: Scenario) -> None:
-        """Move, resize or rank regions anew in the midst of an episode.
-
-        Raises:
-            InvalidInputError: if the scene is of another kind than the environment's.
-        """
-        self._scenes.check({"scenario": scenario})
-        self.scenario = scenario
-        self._family = None
-        self._batch.set_scene(0, scenario)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold the acceleration u (2,) [m/s²] for one control step.
@@ -221,14 +134,21 @@ class RegionsEnv(PlainSpec, gym.Env[Array, Array]):  # pyright: ignore[reportInc
         """Return an (h, w, 3) top-down picture, or None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._view is None:
-            from hcbf_gym.drawing.top_down import TopDownView
-
-            self._view = TopDownView()
         return self._view.draw(self.scenario, self.time, np.array(self._path))
 
-    def close(self) -> None:
-        """Release the picture's memory; safe to call twice."""
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+    @cached_property
+    def _view(self) -> "TopDownView":
+        from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only for pictures
+
+        return TopDownView()
+
+    def _set_scene(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self._batch.set_scene(0, scenario)
+
+    def _restart(self) -> tuple[Array, Info]:
+        self._batch.restart(np.ones(1, dtype=np.bool_))
+        self._path.clear()
+        self._path.append(self.rom_state[:2])
+        observation, info = self._batch.reset_infos()
+        return observation[0], task.first(info)

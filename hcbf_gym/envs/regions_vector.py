@@ -2,7 +2,8 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -10,25 +11,27 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from hcbf_gym import certificates
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.certificates import Judged
 from hcbf_gym.envs import infos as vector_infos
 from hcbf_gym.envs import task
-from hcbf_gym.envs.plain_spec import PlainSpec
-from hcbf_gym.envs.plants import plant_of, warn_of
+from hcbf_gym.envs.plants import RankedRegions, exact
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import InvalidInputError, as_array, count
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario, ScenarioLike, Scene
+
+if TYPE_CHECKING:
+    from hcbf_gym.drawing.top_down import TopDownView
 
 FRAME = 240
 """Side of the picture of one environment [pixels]."""
 
 
-class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
+class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - spec, see there
+    RankedRegions, VectorEnv[Array, Array, NDArray[Any]]
+):
     """N copies of `RegionsEnv`, with the trajectories and infos of N single environments.
 
     Environment i is seeded with ``seed + i``, as in Gymnasium's own vector environments. With mode
@@ -57,33 +60,20 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         if count("max_episode_steps (-1 for no limit)", max_episode_steps, minimum=-1) == 0:
             raise InvalidInputError("max_episode_steps: got 0, expected >= 1, or -1 for no limit")
         self.autoreset_mode = vector_infos.mode_of(autoreset_mode)
-        if render_mode not in (None, "rgb_array"):
-            raise InvalidInputError(
-                f"render_mode: got {render_mode!r}, expected None or 'rgb_array'"
-            )
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": 50,
-            "autoreset_mode": self.autoreset_mode,
-        }
-        self.render_mode = render_mode
-        self.num_envs = num_envs
-        self.max_episode_steps = max_episode_steps
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
+        self.num_envs, self.max_episode_steps = num_envs, max_episode_steps
+        source = SceneSource(scenario)
+        self._declare(exact(source, num_envs), source, render_mode)
+        self._family = [self._family] * num_envs
         self._limit = np.inf if max_episode_steps == -1 else max_episode_steps
-        self._source = SceneSource(scenario)
-        self.scenario = self._source.own
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
-        self._scenes: list[Scene | Scenario] = [self.scenario] * num_envs
-        drawn, hooks = self._source.drawn is not None, self._source.hooks
-        self._batch = RegionsBatch([self.scenario] * num_envs, own_references=drawn, hooks=hooks)
+        self._now: list[Scene | Scenario] = [self.scenario] * num_envs
+        self._batch = RegionsBatch(
+            [self.scenario] * num_envs, source.hooks, own_references=source.drawn is not None
+        )
         self._given = np.zeros(num_envs, dtype=np.bool_)
-        self._families = [self._source.family({})] * num_envs
-        self._found = certificates.nearest(self.declared)
-        warn_of("HCBF-Regions-v0", self._found.judged)
         self._done = np.zeros(num_envs, dtype=np.bool_)
-        self._started = False
         self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
-        self._view: Any = None
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(self._batch.look()[0])
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -92,27 +82,12 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
     @property
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
-        return list(map(self._source.scenario, self._scenes))
+        return list(map(self._scenes.scenario, self._now))
 
     @property
     def rom_state(self) -> Array:
         """(N, 4) positions [m] and velocities [m/s]."""
         return self._batch.x.copy()
-
-    @property
-    def plant(self) -> Plant:
-        """What a safety filter must know."""
-        return plant_of(self.scenario.input_set)
-
-    @property
-    def judged(self) -> Judged:
-        """Whether the promise was tested in the families of scenes of these episodes, and why."""
-        return self._found.again(self.declared)
-
-    @property
-    def declared(self) -> dict[str, object]:
-        """What tells these plants from others; "scene" is a list, a family for each."""
-        return {"environment": "HCBF-Regions-v0", "scene": self._families.copy()}
 
     @property
     def estimate(self) -> Estimate:
@@ -158,7 +133,7 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         """
         given = dict(options or {})
         mask = self._check_mask(given.pop("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
-        given = self._source.check(given)
+        given = self._scenes.check(given)
         self._seed(seed)
         self._draw_scenes(mask, given)
         self._batch.restart(mask)
@@ -207,10 +182,6 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
         """
         if self.render_mode is None:
             return None
-        if self._view is None:
-            from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only where one looks
-
-            self._view = TopDownView(FRAME)
         trace = np.array(self._trace)
         return tuple(
             self._view.draw(scene, float(t), trace[-1 - steps :, i])
@@ -219,11 +190,11 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
             )
         )
 
-    def close_extras(self, **kwargs: object) -> None:
-        """Release the picture's memory."""
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+    @cached_property
+    def _view(self) -> "TopDownView":
+        from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only for pictures
+
+        return TopDownView(FRAME)
 
     def _remember(self) -> None:
         """Record the positions, of which a picture shows the last ``steps + 1``."""
@@ -245,20 +216,21 @@ class RegionsVectorEnv(PlainSpec, VectorEnv[Array, Array, NDArray[Any]]):  # pyr
                 self._rngs[i], _ = seeding.np_random(one)
 
     def _draw_scenes(self, mask: Mask, given: Mapping[str, object]) -> None:
-        """Put the next scenes into the masked environments: those asked for, or their own."""
-        family = self._source.family(given)
-        self._families = [family if m else k for m, k in zip(mask, self._families, strict=True)]
-        if given and self._source.drawn is None and not self._given.any():
+        """Put the next scenes into the masked environments: those given, or their own."""
+        source = self._scenes
+        family = source.family(given)
+        self._family = [family if m else k for m, k in zip(mask, self._family, strict=True)]
+        if given and source.drawn is None and not self._given.any():
             self._batch.separate()
         for i in map(int, np.flatnonzero(mask & (self._given | bool(given)))):
-            scene = self._source.next(self._rngs[i], given) if given else self.scenario
-            self._scenes[i], self._given[i] = scene, bool(given)
+            scene = source.next(self._rngs[i], given) if given else self.scenario
+            self._now[i], self._given[i] = scene, bool(given)
             self._batch.set_scene(i, scene)
-        if self._source.drawn is not None and not given:
+        if source.drawn is not None and not given:
             places = list(map(int, np.flatnonzero(mask)))
-            scenes = self._source.drawn.drawn([self._rngs[i] for i in places])
+            scenes = source.drawn.drawn([self._rngs[i] for i in places])
             for k, i in enumerate(places):
-                self._scenes[i] = drawn = scenes.one(k)
+                self._now[i] = drawn = scenes.one(k)
                 self._batch.set_drawn(i, drawn)
 
     def _report(self, info: dict[str, Array]) -> Info:

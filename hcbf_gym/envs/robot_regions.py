@@ -1,56 +1,43 @@
-"""What the environments with a simulated robot share: episodes, scenes, steps and pictures."""
+"""What the environments with a simulated robot share: episodes, steps and pictures."""
 
 import math
 from typing import Any, Generic, TypeVar
 
-import gymnasium as gym
 import mujoco
 import numpy as np
-from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.certificates import Judged
 from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.drawing.scene_artist import SceneArtist
 from hcbf_gym.envs import task
 from hcbf_gym.envs.drive import Drive, Motion
-from hcbf_gym.envs.plain_spec import PlainSpec
-from hcbf_gym.envs.plants import PlantModel, plant_of, warn_of
+from hcbf_gym.envs.plants import PlantModel, SingleRegions
 from hcbf_gym.envs.scene import ROUGH_STEP
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.envs.simulation import Simulation
 from hcbf_gym.envs.tally import StepTally
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Moment, Scenario
 
 D = TypeVar("D", bound=Drive)
 
 
-class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - see PlainSpec
-    PlainSpec, gym.Env[Array, Array], EzPickle, Generic[D]
-):
-    """A simulated robot in the ranked regions; what it is and how it moves, a subclass says.
+class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
+    """A simulated robot in the ranked regions; subclasses define the robot and how it moves.
 
     Args:
-        drive: the robot in its first scene, with what steers it.
-        known: what a filter takes for true of it.
+        drive: the robot in its first scene, with its controller.
+        known: what a filter assumes of it.
         scenes: where each episode's scene comes from.
         terrain: "flat" or "rough".
         render_mode: None, "rgb_array", or "human".
-
-    Raises:
-        InvalidInputError: if there is no such mode.
     """
 
-    metadata = {  # noqa: RUF012 - Gymnasium's form
-        "render_modes": ["rgb_array", "human"],
-        "render_fps": 50,
-    }
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
 
     def __init__(
         self,
@@ -60,28 +47,19 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         terrain: str,
         render_mode: str | None,
     ):
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InvalidInputError(
-                f"render_mode: got {render_mode!r}, expected None or one of "
-                f"{self.metadata['render_modes']}"
-            )
-        self.render_mode, self.drive, self._known, self._scenes = render_mode, drive, known, scenes
-        self._started, self._steps = False, 0
-        own = scenes.own
-        self.action_space: spaces.Space = task.action_space(own.input_set)
+        self._declare(known, scenes, render_mode)
+        own, self.drive, self._hooks = scenes.own, drive, scenes.hooks
+        corners = own.input_set.vertices()
+        self._bounds = corners.min(axis=0), corners.max(axis=0)
+        self._ranks = max(barrier.priority for barrier in own.conditions)
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
-        self._family, self._hooks = scenes.family({}), scenes.hooks
-        self._ranks = max(barrier.priority for barrier in own.conditions)
-        self._take_scene(own)
-        self.observation_space: spaces.Space = task.observation_space(self._observe()[None])
-        warn_of(known.declared["environment"], known.nearest.judged)
-
-    @property
-    def plant(self) -> Plant:
-        """What a safety filter must know."""
-        known = self._known
-        return plant_of(known.input_set, known.uncertainty, "brake", known.axle, known.braking)
+        self._steps = 0
+        drive.rest(np.array(own.start))
+        self._estimate = drive.estimate(0.0)
+        self._set_scene(own)
+        self.action_space = task.action_space(own.input_set)
+        self.observation_space = task.observation_space(self._observe()[None])
 
     @property
     def simulation(self) -> Simulation:
@@ -104,21 +82,6 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         return self._estimate.x.copy()
 
     @property
-    def barriers(self) -> tuple[Barrier, ...]:
-        """The scenario's barriers, then the environment's own, in the order of info["h"]."""
-        return task.barriers_of(self.scenario, self._known.v_max)
-
-    @property
-    def judged(self) -> Judged:
-        """Whether the promise was tested for these arguments and this episode's scenes."""
-        return self._known.nearest.again(self.declared)
-
-    @property
-    def declared(self) -> dict[str, Any]:
-        """What tells this plant from others, as certificates compare it."""
-        return self._known.declared | {"scene": self._family}
-
-    @property
     def estimate(self) -> Estimate:
         """What is known of the robot: the state on which the loop is closed."""
         return self._estimate
@@ -129,60 +92,27 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         return self.drive.origin.copy()
 
     @property
-    def goal(self) -> Array:
-        """(2,) where the reference ends [m]."""
-        return self.scenario.goal
-
-    @property
     def time(self) -> float:
         """Time since the reset [s]."""
         return task.CONTROL_DT * self._steps
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, object] | None = None
-    ) -> tuple[Array, Info]:
-        """Start a new episode; a seed decides everything that follows.
-
-        Args:
-            seed: of the scenes and the randomisation; None goes on.
-            options: "scenario" and "start" (2,) [m] of this episode alone.
-
-        Raises:
-            InvalidInputError: if an option is unknown, or the scene is of another kind.
-        """
-        given = self._scenes.check(options)
-        super().reset(seed=task.check_seed(seed))
-        scene = self._scenes.next(self.np_random, given)
-        if scene is not self.scenario:
-            self._take_scene(scene)
-        self._family = self._scenes.family(given)
-        self._steps, self._started = 0, True
+    def _restart(self) -> tuple[Array, Info]:
+        self._steps = 0
         start, yaw = np.array(self.scenario.start), _initial_yaw(self.scenario)
         motion = self.drive.reset(start, yaw, self.barrier_set, self.np_random)
         self.artist.restart()
         h = self.barrier_set.along(motion.path, motion.times)
-        self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
+        self._distance = self._distance_to(self._reference())
         self._estimate, self._fallen = self.drive.estimate(0.0), self.simulation.fallen
-        ranked = task.Ranked.of(self.barrier_set, self._ranks)
-        distance = np.array([self._distance])
-        given = task.reset_info(self.scenario.task, h, ranked, distance, self._hooks)
-        info = self._with_body(task.first(given) | self._info_of(motion))
+        error = np.array([self._distance])
+        infos = task.reset_info(
+            self.scenario.task, h, self.barrier_set, self._ranks, error, self._hooks
+        )
+        info = self._with_robot(task.first(infos), motion)
         if self._hooks.costs is not None:
-            x = self._estimate.x
-            costs = self._hooks.costs(self._moment(x, h[0], np.zeros(2)))
+            costs = self._hooks.costs(self._moment(self._estimate.x, h[0], np.zeros(2)))
             info["costs"] = task.answer("costs", costs, 1, 2)[0]
         return self._observe(), info
-
-    def change_scene(self, scenario: Scenario) -> None:
-        """Move, resize or rank regions anew in the midst of an episode.
-
-        Raises:
-            InvalidInputError: if the scene is of another kind than the environment's.
-        """
-        self._scenes.check({"scenario": scenario})
-        self._family = None
-        self._set_scene(scenario)
-        self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
@@ -194,17 +124,17 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         self._steps += 1
         self._estimate = drive.estimate(self.time)
         self._fallen = drive.simulation.fallen
-        reference, position = self._reference(), drive.truth[:2].tolist()
-        self.artist.walk(position)
+        reference = self._reference()
+        self.artist.walk(drive.truth[:2].tolist())
 
         before = self._distance
-        distance = self._distance = _distance(reference, position)
+        distance = self._distance = self._distance_to(reference)
         at_end = self._steps >= len(self._references) - 1
         success = at_end and distance <= self.scenario.goal_radius and not self._fallen
         counted = self._tally.count(
             scene, motion, self._estimate, reference, u, (before, distance), success
         )
-        info = self._with_body(counted.info | self._info_of(motion))
+        info = self._with_robot(counted.info, motion)
         observation, reward, hooks = counted.observation, counted.reward, self._hooks
         if hooks.observe is not None:
             observation = self._observe()
@@ -219,24 +149,13 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         """Return an (480, 640, 3) picture, or show the scene in a window."""
         if self.render_mode is None:
             return None
-        simulation = self.simulation
         if self._renderer is None:
-            self._renderer = (
-                OffscreenRenderer(simulation.model)
-                if self.render_mode == "rgb_array"
-                else WindowRenderer(simulation.model, simulation.data)
-            )
-        if isinstance(self._renderer, OffscreenRenderer):
-            return self._renderer.frame(simulation.data, self.artist, self.scenario, self.time)
-        self._renderer.show(self.artist, self.scenario, self.time)
-        return None
+            kind = OffscreenRenderer if self.render_mode == "rgb_array" else WindowRenderer
+            self._renderer = kind(self.model, self.data)
+        return self._renderer.draw(self.artist, self.scenario, self.time)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what makes an equal environment anew: before the first reset, nothing else counts.
-
-        Raises:
-            InvalidInputError: after it, as a copy would stand at the start of another episode.
-        """
+        """Return the arguments; after the first reset a copy would be in another episode."""
         if self._started:
             raise InvalidInputError(
                 f"copy: an environment {self.time:.2f} s into an episode cannot be copied, only "
@@ -245,7 +164,7 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         return EzPickle.__getstate__(self) | {"_spec": self._spec}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment anew from its arguments."""
+        """Make the environment from its arguments."""
         EzPickle.__setstate__(self, state)
         self._spec = state["_spec"]
 
@@ -260,24 +179,19 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         self.barrier_set = BarrierSet([self.barriers], is_placed=True)
         self._references = task.reference_table(scenario)
         self._tally = StepTally(scenario, self.barrier_set.kind.shape[1], self._ranks)
-
-    def _take_scene(self, scenario: Scenario) -> None:
-        self._set_scene(scenario)
-        corners = scenario.input_set.vertices()
-        self._bounds = corners.min(axis=0), corners.max(axis=0)
-        self._steps = 0
-        self.drive.rest(np.array(scenario.start))
-        self._estimate = self.drive.estimate(0.0)
-        self._distance = _distance(self._reference(), self.drive.truth[:2].tolist())
+        self._distance = self._distance_to(self._reference())
 
     def _reference(self) -> Array:
+        """Return (6,) the reference's position, velocity and acceleration now."""
         return self._references[min(self._steps, len(self._references) - 1)]
+
+    def _distance_to(self, reference: Array) -> float:
+        """Return how far the point that follows the model is from a reference (6,) [m]."""
+        return math.dist(reference[:2].tolist(), self.drive.truth[:2].tolist())
 
     def _observe(self) -> Array:
         x, reference, sensed = self._estimate.x[None], self._reference()[None], self._sensed()
-        if self._hooks.observe is not None:
-            return task.observed(self._hooks, x, reference, sensed)[0]
-        return task.observe(x, reference, sensed)[0]
+        return task.observe(self._hooks, x, reference, sensed)[0]
 
     def _sensed(self) -> Array:
         """Return (1, m, 4) what a policy sees of the scene's conditions."""
@@ -297,33 +211,24 @@ class RobotRegionsEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - 
         info["costs"] = costs[0]
         return float(sum(term[0] for term in terms.values()))
 
-    def _with_body(self, info: Info) -> Info:
-        """Return the infos with the costs of the whole robot, where it must stay outside."""
-        if "min_body_h" in info:
-            least = np.minimum(info["min_h"], info["min_body_h"])
-            ranked = task.Ranked.of(self.barrier_set, self._ranks)
-            cost, costs = task.costs_of(least[None], *ranked)
+    def _with_robot(self, info: Info, motion: Motion) -> Info:
+        """Return the infos with the robot's, and the costs of its whole body if that counts."""
+        info = info | self._info_of(motion)
+        if motion.body_h is not None and motion.least_body_h is not None:
+            least = info["min_body_h"] = motion.least_body_h.copy()
+            info["body_h"] = motion.body_h
+            least = np.minimum(info["min_h"], least)[None]
+            cost, costs = task.costs_of(least, self.barrier_set, self._ranks)
             info["cost"], info["costs"] = cost[0], costs[0]
         return info
 
     def _stopped(self) -> bool:
-        """Return whether the robot cannot go on."""
+        """Return whether the robot has to stop the episode."""
         return self._fallen
 
     def _info_of(self, motion: Motion) -> Info:
-        """Return what infos say of the robot besides."""
-        info: Info = {
-            "fallen": np.float64(self._fallen),
-            "obstacle_force": motion.obstacle_force,
-        }
-        if motion.body_h is not None and motion.least_body_h is not None:
-            info["body_h"], info["min_body_h"] = motion.body_h, motion.least_body_h.copy()
-        return info
-
-
-def _distance(reference: Array, position: list[float]) -> float:
-    """Return how far a position (2,) is from the reference's [m]."""
-    return math.dist(reference[:2].tolist(), position)
+        """Return the infos of this kind of robot."""
+        return {"fallen": np.float64(self._fallen), "obstacle_force": motion.obstacle_force}
 
 
 def _initial_yaw(scenario: Scenario) -> float:

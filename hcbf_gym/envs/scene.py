@@ -22,7 +22,7 @@ _NET_FORCE = 3  # a contact sensor's reduction: the contacts' sum, in the world'
 ROUGH_STEP = 0.03  # [m] the highest step
 ROUGH_BLOCK = 0.25  # [m] edge of a block of one height
 ROUGH_CELL = 0.05  # [m] over which one block rises to the next
-ROUGH_HALF_SIZE = 20.0  # [m] of the field, centred at the origin; walls stand around it
+ROUGH_HALF_SIZE = 20.0  # [m] of the field, centred at the origin, within walls
 WALL_HEIGHT = 0.5  # [m]
 
 PAYLOAD = "payload"
@@ -30,7 +30,7 @@ PAYLOAD_HALF_SIZE = (0.06, 0.05, 0.04)  # [m]
 
 
 def robot_spec(robot: Quadruped) -> mujoco.MjSpec:
-    """Return the robot alone, its actuators replaced by torque motors, its feet named and felt."""
+    """Return the robot alone, with torque motors, and feet with names and contact sensors."""
     spec = load_spec(robot.xml_file)
     for element in (*spec.actuators, *spec.keys, *spec.sensors):  # keys would not fit the scene
         spec.delete(element)
@@ -75,17 +75,14 @@ def set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
 
 
 def add_ground(spec: mujoco.MjSpec, terrain: str, decides: bool) -> None:
-    """Lay the ground and light it.
+    """Add the ground and its light.
 
-    Args:
-        spec: of the scene.
-        terrain: "flat" without end, or "rough": blocks of random height up to `ROUGH_STEP`, always
-            the same, between four walls.
-        decides: whether contacts have the floor's friction alone.
+    The terrain is "flat" without end, or "rough": always the same blocks of random height up to
+    `ROUGH_STEP`, between four walls. If the floor `decides`, contacts have its friction alone.
     """
-    lay = choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})
+    add = choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})
     _add_floor_material(spec)
-    lay(spec)
+    add(spec)
     if decides:
         floor = spec.geom(FLOOR)
         floor.priority, floor.condim = 1, 3
@@ -98,7 +95,7 @@ def add_ground(spec: mujoco.MjSpec, terrain: str, decides: bool) -> None:
 
 
 def _add_floor_material(spec: mujoco.MjSpec) -> None:
-    """Make a chequered material, on which one sees the robot move."""
+    """Add a chequered material, on which the robot's motion is visible."""
     spec.add_texture(
         name=FLOOR,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -147,11 +144,6 @@ def _add_rough_field(spec: mujoco.MjSpec) -> None:
 
 def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[BoxObstacle]) -> None:
     """Put boxes on the ground.
-
-    Args:
-        spec: of the scene.
-        boxes: records with ``name``, ``center`` (2,) [m], ``size`` (3,) full edges [m], ``yaw``
-            [rad] and ``mass`` [kg], None for a box that cannot be moved.
 
     Raises:
         InvalidInputError: if a box is named like another one or like a part of the scene.

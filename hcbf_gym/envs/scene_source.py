@@ -1,4 +1,4 @@
-"""Which scene an environment's next episode takes place in."""
+"""The scene of an environment's next episode."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,21 +12,18 @@ from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
 from hcbf_gym.scenarios.family import NO_HOOKS
 
 OPTIONS = ("scenario", "start")
-"""What ``reset(options=…)`` takes: another scene, and where to start in it, for one episode."""
+"""The keys of ``reset(options=…)``: another scene, and where to start in it, for one episode."""
 
 
 class SceneSource:
-    """An environment's own scene, another random one for each episode, or what a reset asks for.
+    """An environment's own scene, a random one for each episode, or that of a reset's options.
 
     Args:
         source: the environment's argument `scenario`.
 
-    Raises:
-        InvalidInputError: if it is no scenario.
-
     Attributes:
         own: the scene that fixes task, inputs, boxes and number of barriers for good.
-        drawn: the family that each episode has another scene of; None for always the same.
+        drawn: the family of the episodes' scenes; None for always the same scene.
     """
 
     def __init__(self, source: ScenarioLike):
@@ -39,7 +36,7 @@ class SceneSource:
 
         Raises:
             InvalidInputError: if an option is unknown or malformed, or the scene does not fit the
-                environment; the message says what it has to be like.
+                environment.
         """
         if options is None:
             return {}
@@ -56,23 +53,14 @@ class SceneSource:
         return options
 
     def next(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Scenario:
-        """Return the scene of the next episode.
-
-        Args:
-            rng: decides a random one.
-            options: as `check` returned them.
-        """
+        """Return the scene of the next episode, for options from `check`."""
         scene = self.own
         if "scenario" in options or self.drawn is not None:
             scene = scenarios.make(options.get("scenario", self.source), rng)
         return replace(scene, start=options["start"]) if "start" in options else scene
 
     def family(self, options: Mapping[str, Any]) -> str | None:
-        """Return the family that an episode's scene is drawn from; None for a scene by itself.
-
-        Args:
-            options: as `check` returned them.
-        """
+        """Return the family of an episode's scene, for options from `check`; None for no family."""
         source = options.get("scenario", self.source)
         drawn = scenarios.family_of(source) if "scenario" in options else self.drawn
         if drawn is None or "start" in options:
@@ -88,12 +76,12 @@ class SceneSource:
 
     @property
     def hooks(self) -> Hooks:
-        """What the environment does as its own family has it."""
+        """Observation, reward and costs of the environment's own family."""
         return NO_HOOKS if self.drawn is None else self.drawn.hooks
 
 
 def _alike(scene: Scenario) -> dict[str, object]:
-    """Return what spaces, filter and physics were made for."""
+    """Return what spaces, filter and physics depend on."""
     return {
         "task": scene.task,
         "input_set": scene.input_set.to_dict(),

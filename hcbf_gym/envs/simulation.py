@@ -1,4 +1,4 @@
-"""A scene with a simulated robot: what its episodes draw, what pushes it, and what it touches."""
+"""A scene with a simulated robot: what its episodes draw, its pushes and contacts."""
 
 import math
 from abc import ABC, abstractmethod
@@ -24,33 +24,28 @@ BASE_SIZE = 13
 
 
 class SimulatedRobot(NamedTuple):
-    """What a scene must know of the robot in it.
+    """The robot of a scene."""
 
-    Attributes:
-        spec: the robot alone, whose first body is the trunk, with the physics that it wants.
-        source: the file that it comes from, for messages.
-        trunk: name of its first body.
-        home_joints: (j,) where its joints are at the start [rad].
-        height: of the trunk above flat ground at the start [m].
-        inputs: how many a step takes.
-        least_upright: cosine of the trunk's tilt below which the robot has fallen.
-        least_height: of the trunk below which it has fallen [m].
-        floor_decides: whether contacts have the floor's friction alone.
-    """
-
-    spec: mujoco.MjSpec
-    source: str | Path
-    trunk: str
-    home_joints: Array
-    height: float
-    inputs: int
-    least_upright: float
-    least_height: float
-    floor_decides: bool
+    spec: mujoco.MjSpec  # the robot alone, whose first body is the trunk, with its options
+    source: str | Path  # its file, for messages
+    trunk: str  # name of its first body
+    home_joints: Array  # (j,) at the start [rad]
+    height: float  # of the trunk above flat ground at the start [m]
+    inputs: int  # how many a step takes
+    least_upright: float  # cosine of the trunk's tilt below which the robot has fallen
+    least_height: float  # of the trunk below which it has fallen [m]
+    floor_decides: bool  # whether contacts have the floor's friction alone
 
 
 class Simulation(ABC):
     """A scene with one robot, stepped one physics tick at a time.
+
+    Args:
+        robot: in the scene.
+        randomization: from which the conditions of every episode are drawn.
+        obstacles: boxes, see `scene.add_boxes`.
+        terrain: "flat", or "rough" with blind steps of at most 3 cm.
+        disturbances: plain dict of pushes, see `disturbance_from_dict`; None is calm.
 
     Attributes:
         model: the compiled scene.
@@ -58,17 +53,6 @@ class Simulation(ABC):
         trunk: name of the robot's first body.
         home_joints: (j,) of the robot at the start [rad].
         conditions: of this episode.
-
-    Args:
-        robot: what stands in the scene.
-        randomization: from which the conditions of every episode are drawn.
-        obstacles: boxes, see `scene.add_boxes`.
-        terrain: "flat", or "rough" with blind steps of at most 3 cm.
-        disturbances: plain dict of pushes, see `disturbance_from_dict`; None is calm.
-
-    Raises:
-        RobotModelError: if MuJoCo refuses the robot.
-        InvalidInputError: on an unknown name, or boxes named alike or like a part of the robot.
     """
 
     def __init__(
@@ -87,7 +71,7 @@ class Simulation(ABC):
         scene.add_boxes(spec, obstacles)
         if self._loaded:
             scene.add_payload(spec, randomization.payload_position, robot.trunk)
-        # a divergence is reported: MuJoCo would put the robot back to where the file has it
+        # a divergence is reported: MuJoCo would put the robot back to its first pose
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.model = compile_spec(spec, robot.source)
         self.data = mujoco.MjData(self.model)
@@ -114,10 +98,7 @@ class Simulation(ABC):
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest on the ground near `position` (2,) [m], facing about `yaw` [rad].
 
-        Args:
-            position: (2,) [m].
-            yaw: [rad].
-            rng: draws what is random about this episode, and its sensor noise.
+        The generator draws the conditions of this episode, and its sensor noise.
         """
         self._rng = rng
         self.conditions = self._randomization.draw(rng)
@@ -137,12 +118,16 @@ class Simulation(ABC):
         """Advance the physics by one tick under the robot's inputs (k,)."""
 
     def _disturbed(self, inputs: Array) -> Array:
-        """Return the inputs (k,) that arrive in this tick, and push the robot as is scheduled."""
+        """Return the inputs (k,) that arrive in this tick, and apply the scheduled pushes."""
         if self._delayed:
             self._delayed.append(inputs)
             inputs = self._delayed.popleft()
         if self._pushes:
-            self.push(self._scheduled_force())
+            now, force = self.data.time, np.zeros(3)
+            for push in self._pushes:
+                if push.time <= now < push.time + push.duration:
+                    force += push.force
+            self.push(force)
         return inputs
 
     @abstractmethod
@@ -155,7 +140,7 @@ class Simulation(ABC):
         """Whether the robot's state has left the finite numbers."""
 
     def place_geoms(self) -> None:
-        """Move every geom to where the present positions have it."""
+        """Move every geom to the present positions."""
         mujoco.mj_kinematics(self.model, self.data)
 
     def base(self, out: Array) -> None:
@@ -164,7 +149,7 @@ class Simulation(ABC):
         out[7:] = self._twist
 
     def push(self, force: Array) -> None:
-        """Pull at the trunk's centre of mass with a force (3,) [N] from now on; zeros end it."""
+        """Apply a force (3,) [N] at the trunk's centre of mass until the next call."""
         self.data.xfrc_applied[self._trunk, :3] = force
 
     @property
@@ -180,7 +165,7 @@ class Simulation(ABC):
 
     @property
     def fallen(self) -> bool:
-        """Whether the trunk has tipped over or lies on the ground, or the physics diverged."""
+        """Whether the trunk has tipped over or is on the ground, or the physics diverged."""
         z, _, x, y = self._pose[2:6].tolist()
         upright = 1.0 - 2.0 * (x * x + y * y)
         return self.diverged or not (upright > self._least_upright and z > self._least_height)
@@ -199,14 +184,6 @@ class Simulation(ABC):
                 mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
                 forces[self._boxes == box] += wrench[0]
         return forces
-
-    def _scheduled_force(self) -> Array:
-        now = self.data.time
-        force = np.zeros(3)
-        for push in self._pushes:
-            if push.time <= now < push.time + push.duration:
-                force += push.force
-        return force
 
     def _load(self, payload: float) -> None:
         body = self.model.body(scene.PAYLOAD).id

@@ -1,7 +1,7 @@
-"""What one control step of one robot came to, counted in one compiled call.
+"""The result of one control step of one robot, counted in one compiled call.
 
 The numbers are those of `task.step_info`, `task.reward_terms` and `task.observe`, which count for N
-robots. One memory holds them all: a step copies it once, and every entry of its infos is a part.
+robots. One array holds them all: a step copies it once, and every entry of its infos is a part.
 """
 
 from typing import NamedTuple
@@ -22,13 +22,7 @@ _REWARD = 6
 
 
 class Counted(NamedTuple):
-    """What came of a step.
-
-    Attributes:
-        observation: (8 + 4 m,).
-        reward: the sum of its terms.
-        info: as `task.first` returns it, the reward's terms included.
-    """
+    """A step's observation (8 + 4 m,), its reward, and its infos with the reward's terms."""
 
     observation: Array
     reward: float
@@ -41,7 +35,7 @@ class StepTally:
     Args:
         scenario: the scene; a policy sees its m barriers.
         total: of the barriers, the environment's own included.
-        ranks: R, how many ranks the environment tells apart.
+        ranks: R, how many ranks costs have.
     """
 
     def __init__(self, scenario: Scenario, total: int, ranks: int):
@@ -67,16 +61,16 @@ class StepTally:
         distances: tuple[float, float],
         success: bool,
     ) -> Counted:
-        """Return what came of a step.
+        """Return the result of a step.
 
         Args:
-            scene: the M barriers.
-            motion: where the robot was on the way.
-            known: of the robot at the end, on which the loop is closed.
+            scene: the barriers.
+            motion: the robot's path in the step.
+            known: the estimate at the end, on which the loop is closed.
             reference: (6,) position, velocity and acceleration at the end.
             u: (2,) the applied acceleration [m/s²].
             distances: ‖p_ref − p‖ before the step and after it [m].
-            success: whether the robot stands at the goal and the reference has ended.
+            success: whether the robot is at the goal and the reference has ended.
         """
         ranks = self._costs.stop - self._costs.start
         x, step = known.x, (u, *distances, bool(success), self._reaches, ranks)

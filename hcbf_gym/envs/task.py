@@ -1,13 +1,12 @@
-"""What both environments share: time steps, observation, reward and the infos of a step."""
+"""What all environments share: time steps, observation, reward and the infos of a step."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Info, Integers, Mask
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers import Barrier, SpeedLimit
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, count, floats
@@ -17,7 +16,7 @@ from hcbf_gym.scenarios import Hooks, Moment, Scenario
 CONTROL_DT = _core.CONTROL_DT
 """Time between two actions [s]."""
 PHYSICS_DT = _core.PHYSICS_DT
-"""Time between two looks at the barriers [s], and one physics step of the full model."""
+"""Time between two evaluations of the barriers [s], and one physics step of the full model."""
 SUBSTEPS = _core.SUBSTEPS
 MAX_EPISODE_STEPS = 1000
 
@@ -25,7 +24,9 @@ REWARD_TERMS = {
     "track": ("reward_tracking", "reward_effort"),
     "reach": ("reward_progress", "reward_goal", "reward_effort"),
 }
-"""What sums to the reward, by task."""
+"""The terms that sum to the reward, by task."""
+REWARD_OWN = "reward_own"
+"""The only term of a family's own reward."""
 
 
 def action_space(input_set: InputSet) -> spaces.Box:
@@ -48,28 +49,27 @@ def barriers_of(scenario: Scenario, v_max: float | None) -> tuple[Barrier, ...]:
 
 def reference_table(scenario: Scenario) -> Array:
     """Return (k, 6) position, velocity and acceleration at the control times up to the goal."""
-    steps = int(np.ceil(scenario.reference.duration / CONTROL_DT))
+    reference = scenario.reference
+    steps = int(np.ceil(reference.duration / CONTROL_DT))
     times = CONTROL_DT * np.arange(steps + 1)
-    return np.array(
-        [
-            np.concatenate([*scenario.reference(t), scenario.reference.acceleration(t)])
-            for t in times
-        ]
-    )
+    return np.array([np.concatenate([*reference(t), reference.acceleration(t)]) for t in times])
 
 
-def observe(x: Array, reference: Array, sensed: Array) -> Array:
-    """Return (N, 8 + 4 m) what a policy sees.
+def observe(hooks: Hooks, x: Array, reference: Array, sensed: Array) -> Array:
+    """Return (N, n) what a policy sees: a family's own observation, or (N, 8 + 4 m) the usual one.
 
     ``p_ref − p, v_ref − v, v, a_ref``, then per barrier ``h, ∇h/‖∇h‖, ∂h/∂t``.
 
     Args:
+        hooks: of the family.
         x: (N, 4) position [m] and velocity [m/s].
-        reference: (N, 6) position, velocity and acceleration of the reference.
-        sensed: (N, m, 4) what `BarrierSet.sense` returns of the barriers that a policy sees.
+        reference: (N, 6) position, velocity and acceleration.
+        sensed: (N, m, 4) of the barriers that a policy sees, see `BarrierSet.sense`.
     """
-    of_barriers = sensed.reshape(len(x), -1)
-    return np.hstack([reference[:, :4] - x, x[:, 2:], reference[:, 4:], of_barriers])
+    if hooks.observe is not None:
+        return answer("observe", hooks.observe(x, reference, sensed), len(x), 2)
+    barriers = sensed.reshape(len(x), -1)
+    return np.hstack([reference[:, :4] - x, x[:, 2:], reference[:, 4:], barriers])
 
 
 def reward_terms(
@@ -82,8 +82,8 @@ def reward_terms(
 
     Args:
         task: "track" or "reach".
-        distance_before: (N,) to the reference's position before the step [m].
-        distance_after: (N,) to the reference's position after it [m].
+        distance_before: (N,) ‖p_ref − p‖ before the step [m].
+        distance_after: (N,) after it [m].
         reached: (N,) whether the goal is reached.
         u: (N, 2) the applied acceleration [m/s²].
     """
@@ -93,91 +93,48 @@ def reward_terms(
     return dict(zip(REWARD_TERMS[task], terms, strict=True))
 
 
-class Ranked(NamedTuple):
-    """What costs are counted by, of N scenes.
-
-    Attributes:
-        kind: (N, m) of the conditions, see `barriers.layout`.
-        priority: (N, m) of the conditions; 1 is strict.
-        ranks: R, how many ranks an environment tells apart.
-    """
-
-    kind: Integers
-    priority: Integers
-    ranks: int
-
-    @classmethod
-    def of(cls, scenes: BarrierSet, ranks: int | None = None) -> "Ranked":
-        """Return what costs in these scenes are counted by; R is their last rank if not given."""
-        last = int(scenes.priority.max(initial=1)) if ranks is None else ranks
-        return cls(scenes.kind, scenes.priority, last)
-
-
 def step_info(
-    h: Array, min_h: Array, ranked: Ranked, tracking_error: Array, success: Mask
+    h: Array, min_h: Array, scene: BarrierSet, ranks: int, error: Array, success: Mask
 ) -> dict[str, Array]:
-    """Return the infos that every step carries, each with a leading axis N.
+    """Return the infos that every step reports, each with a leading axis N.
 
     Args:
         h: (N, m) barrier values at the step's end.
         min_h: (N, m) their least values over its physics steps.
-        ranked: what costs are counted by.
-        tracking_error: (N,) ‖p_ref − p‖ [m].
-        success: (N,) whether the robot stands at the goal and the reference has ended.
+        scene: the barriers.
+        ranks: R, how many ranks costs have.
+        error: (N,) ‖p_ref − p‖ [m].
+        success: (N,) whether the robot is at the goal and the reference has ended.
     """
-    cost, costs = costs_of(min_h, *ranked)
+    cost, costs = costs_of(min_h, scene, ranks)
     return {
         "h": h,
         "min_h": min_h,
         "violation": np.maximum(0.0, -h),
         "cost": cost,
         "costs": costs,
-        "tracking_error": tracking_error,
+        "tracking_error": error,
         "is_success": success.astype(np.float64),
     }
 
 
-def costs_of(least: Array, kind: Integers, priority: Integers, ranks: int) -> tuple[Array, Array]:
+def costs_of(least: Array, scene: BarrierSet, ranks: int) -> tuple[Array, Array]:
     """Return the costs (N,), and by rank (N, R) [m], of the least h (N, m) in a step.
 
     A speed limit is a condition of rank 1 and has no metres. A rank beyond R counts with R.
-
-    Args:
-        least: the least values.
-        kind: as `Ranked` has it.
-        priority: as `Ranked` has it.
-        ranks: as `Ranked` has it.
     """
     cost, costs = np.empty(len(least)), np.empty((len(least), ranks))
-    _core.task_costs(least, kind, priority, cost, costs)
+    _core.task_costs(least, scene.kind, scene.priority, cost, costs)
     return cost, costs
 
 
 def reset_info(
-    task: str, h: Array, ranked: Ranked, tracking_error: Array, hooks: Hooks
+    task: str, h: Array, scene: BarrierSet, ranks: int, error: Array, hooks: Hooks
 ) -> dict[str, Array]:
-    """Return the infos of a reset: those of a step that moved nothing and earned nothing.
-
-    Args:
-        task: "track" or "reach".
-        h: (N, m) barrier values.
-        ranked: what costs are counted by.
-        tracking_error: (N,) ‖p_ref − p‖ [m].
-        hooks: of a family, which may have a reward of its own.
-    """
-    info = step_info(h, h.copy(), ranked, tracking_error, np.zeros(len(h), dtype=np.bool_))
+    """Return the infos of a reset: `step_info` of no motion, and the reward's terms, zero."""
+    info = step_info(h, h.copy(), scene, ranks, error, np.zeros(len(h), dtype=np.bool_))
     terms = REWARD_TERMS[task] if hooks.reward is None else (REWARD_OWN,)
     return info | {term: np.zeros(len(h)) for term in terms}
-
-
-REWARD_OWN = "reward_own"
-"""The only term of a family's own reward."""
-
-
-def observed(hooks: Hooks, x: Array, reference: Array, seen: Array) -> Array:
-    """Return (N, n) the observation of a family's own; see `Hooks`."""
-    assert hooks.observe is not None
-    return answer("observe", hooks.observe(x, reference, seen), len(x), 2)
 
 
 def judged(
@@ -193,7 +150,7 @@ def judged(
 
 
 def answer(hook: str, given: object, n: int, axes: int) -> Array:
-    """Return what a hook returned for N robots, copied.
+    """Return a copy of what a hook returned for N robots.
 
     Raises:
         InvalidInputError: if it is no array of finite numbers with so many axes, the first N.
@@ -219,8 +176,7 @@ def check_action(action: object, shape: tuple[int, ...]) -> Array:
     """Return the action as float64.
 
     Raises:
-        InvalidInputError: if it is no array of 32 or 64 bits, has another shape, or an entry is NaN
-            or infinite.
+        InvalidInputError: if it is no array of 32 or 64 bits of this shape with finite entries.
     """
     array = floats("action", action, shape).astype(np.float64, copy=False)
     if not _core.are_finite(array):
@@ -229,20 +185,12 @@ def check_action(action: object, shape: tuple[int, ...]) -> Array:
 
 
 def check_seed(seed: object) -> int | None:
-    """Return the seed of a reset; None goes on.
-
-    Raises:
-        InvalidInputError: if it is neither None nor an integer from 0 on.
-    """
+    """Return the seed of a reset, None or an integer from 0 on."""
     return None if seed is None else count("seed", seed, minimum=0, maximum=np.inf)
 
 
 def check_seeds(seed: object, n: int) -> list[int | None]:
-    """Return a seed for each of N environments.
-
-    Args:
-        seed: of environment 0, the others follow; or one for each.
-        n: N.
+    """Return a seed for each of N environments: one for each, or consecutive ones from one.
 
     Raises:
         InvalidInputError: if there are not N of them, or one is none.
@@ -256,10 +204,6 @@ def check_seeds(seed: object, n: int) -> list[int | None]:
 
 
 def check_started(started: bool) -> None:
-    """Refuse a step before the first reset.
-
-    Raises:
-        InvalidInputError: if there was no reset.
-    """
+    """Refuse a step before the first reset."""
     if not started:
         raise InvalidInputError("step: the episode has not begun, expected env.reset(seed=…) first")

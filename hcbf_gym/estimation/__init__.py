@@ -1,4 +1,4 @@
-"""What the robot can know: sensors with their errors, and the state estimated from them."""
+"""Sensors with their errors, and the state estimated from them."""
 
 from hcbf_gym.estimation.estimator import Estimator, PlanarEstimate
 from hcbf_gym.estimation.sensors import PRESETS, Sensors

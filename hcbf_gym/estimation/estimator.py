@@ -1,4 +1,4 @@
-"""The estimator: from the true state, through the sensors, to what the robot can know."""
+"""The estimator: from the true state, through the sensors, to the robot's estimate."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -6,24 +6,30 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, packed
+from hcbf_gym.arrays import Array, packed, record_type
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.estimation import sensors
-from hcbf_gym.estimation.records import AXIS, SETTINGS, A, D, S
 from hcbf_gym.estimation.sensors import Sensors
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.locomotion.state import STATE_SIZE
 from hcbf_gym.models.constants import GRAVITY
 
+AXIS = 5
+"""Entries of an axis's state [p, v, d, a, s]: position, velocity, drift of the fix, error of the
+acceleration, slip of the feet."""
+P, V, D, A, S = range(AXIS)
+
+SETTINGS = record_type("estimation_tick.Settings")
+
 SETTLING = 0.01
-"""How long a foot must have touched before its leg shows the trunk's velocity [s]."""
+"""Time of contact after which a foot's leg measures the trunk's velocity [s]."""
 
 SLIPPING = 0.005
-"""Standard deviation of what standing feet slip in the simulation itself, slowly [m/s]: some 0.6 mm
-in a stance of 0.13 s."""
+"""Standard deviation of the slow slip of stance feet in the simulation itself [m/s]: some 0.6 mm in
+a stance of 0.13 s."""
 
 STANDING = 1.0
-"""How long the robot has stood, averaging fixes, when an episode begins [s]."""
+"""Time for which fixes were averaged at rest when an episode begins [s]."""
 
 _DIAGONAL, _ACROSS = np.arange(4), np.array([2, 3, 0, 1])  # of position against velocity
 
@@ -31,7 +37,7 @@ BLOCK = 64  # ticks whose noise is drawn at once
 
 
 class PlanarEstimate(NamedTuple):
-    """What is known of the trunk in the plane.
+    """The estimate of the trunk in the plane.
 
     Attributes:
         x: (4,) position [m] and velocity [m/s].
@@ -76,21 +82,21 @@ class Estimator:
         self._drawn = BLOCK
 
     def reset(self, truth: Array, rng: np.random.Generator) -> Array:
-        """Begin an episode; return what is known of the robot (41,), as `tick` does.
+        """Begin an episode; return the estimate (41,) as `tick` does.
 
         Args:
             truth: (41,) the vector of the true `RobotState`, at rest.
-            rng: from which all the errors of the episode are drawn.
+            rng: draws all errors of the episode.
         """
         truth = finite_array("truth", truth, (STATE_SIZE,))
         self._rng = rng
         self._drawn = BLOCK
-        told = np.empty(STATE_SIZE)
-        self._compiled.start(truth, self._next_noise(), told)
-        return told
+        estimate = np.empty(STATE_SIZE)
+        self._compiled.start(truth, self._next_noise(), estimate)
+        return estimate
 
     def tick(self, truth: Array) -> Array:
-        """Move on by one tick; return (41,) the vector of the `RobotState` as it is known.
+        """Advance by one tick; return (41,) the vector of the estimated `RobotState`.
 
         Orientation, rates, joints and contacts are as sensed; the trunk's planar position and
         velocity are the estimate's; its height and vertical velocity are the truth's.
@@ -101,13 +107,13 @@ class Estimator:
         Raises:
             InvalidInputError: before the first reset.
         """
-        told = np.empty(STATE_SIZE)
-        self._compiled.tick(truth, self._next_noise(), told)
-        return told
+        estimate = np.empty(STATE_SIZE)
+        self._compiled.tick(truth, self._next_noise(), estimate)
+        return estimate
 
     @property
     def estimate(self) -> PlanarEstimate:
-        """What is known after the latest tick."""
+        """The estimate after the latest tick."""
         mean = self._compiled.mean
         of_axis, mixed = self._compiled.covariance[:2, :2]
         turned = self._yaw_error * mean[:2, 2:].ravel()
@@ -162,13 +168,5 @@ def _settings(
     period = max(round(1.0 / (chosen.rate * dt)), 1)
     settled = max(round(SETTLING / dt), 1)
     fixes = max(chosen.rate * STANDING, 1.0)
-    return (
-        model,
-        errors,
-        legs,
-        foot_radius,
-        settled,
-        period,
-        delay,
-        chosen.noise**2 / fixes,
-    )
+    first = chosen.noise**2 / fixes
+    return model, errors, legs, foot_radius, settled, period, delay, first

@@ -1,39 +1,37 @@
 """Which sensors the robot has, and how well each of them measures."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from hcbf_gym.errors import InvalidInputError, choose, finite_float
+from hcbf_gym.errors import choose, finite_float
 from hcbf_gym.records import build, check_mapping
 
 DEGREE = float(np.pi / 180.0)
 MAX_DELAY = 1.0
-"""The oldest fix [s] that the estimator can still make use of."""
-
-LARGEST = {
-    "rate": 1e4,  # [Hz]
-    "noise": 100.0,  # [m]
-    "drift": 100.0,  # [m]
-    "drift_time": 1e6,  # [s]
-    "yaw": float(np.pi),  # [rad]
-    "tilt": float(np.pi),  # [rad]
-    "orientation_time": 1e6,  # [s]
-    "gyroscope": 10.0,  # [rad/s/√Hz]
-    "accelerometer": 100.0,  # [m/s²/√Hz]
-    "encoder": float(np.pi),  # [rad]
-    "slip": 100.0,  # [m/s]
-    "slip_time": 1e6,  # [s]
-    "delay": MAX_DELAY,
-    "contact": 0.5,
-}
-"""What a number may reach: more is a slip of the pen."""
+"""The oldest fix [s] that the estimator can use."""
 
 LEAST = 1e-6
 """Of a number that must be positive, so that nothing divided by it leaves the finite numbers."""
 
-_POSITIVE = ("rate", "noise", "drift_time", "orientation_time", "slip_time", "slip", "tilt")
+RANGES = {
+    "rate": (LEAST, 1e4),  # [Hz]
+    "noise": (LEAST, 100.0),  # [m]
+    "delay": (0.0, MAX_DELAY),
+    "drift": (0.0, 100.0),  # [m]
+    "drift_time": (LEAST, 1e6),  # [s]
+    "yaw": (0.0, float(np.pi)),  # [rad]
+    "tilt": (LEAST, float(np.pi)),  # [rad]
+    "orientation_time": (LEAST, 1e6),  # [s]
+    "gyroscope": (0.0, 10.0),  # [rad/s/√Hz]
+    "accelerometer": (0.0, 100.0),  # [m/s²/√Hz]
+    "encoder": (0.0, float(np.pi)),  # [rad]
+    "slip": (LEAST, 100.0),  # [m/s]
+    "slip_time": (LEAST, 1e6),  # [s]
+    "contact": (0.0, 0.5),
+}
+"""Of each number: more is a slip of the pen."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +39,8 @@ class Sensors:
     """A position fix, an inertial unit, joint encoders and contact switches.
 
     Slow errors (drift, orientation, slip) are first-order Gauss–Markov processes: zero mean, the
-    standard deviation given, correlation exp(−t/τ). All else is white. `docs/estimation.md` names
-    the source of every default, or says that it is an assumption.
+    standard deviation given, correlation exp(−t/τ). All else is white. `docs/estimation.md` has
+    the source of every default.
 
     Args:
         rate: of the position fixes [Hz].
@@ -80,15 +78,9 @@ class Sensors:
     contact: float = 0.002
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            least = LEAST if field.name in _POSITIVE else 0.0
-            number = finite_float(field.name, value, minimum=least, maximum=LARGEST[field.name])
-            object.__setattr__(self, field.name, number)
-        if self.contact >= 0.5:
-            raise InvalidInputError(
-                f"contact: got {self.contact}, expected a probability below 0.5"
-            )
+        for name, (least, most) in RANGES.items():
+            number = finite_float(name, getattr(self, name), minimum=least, maximum=most)
+            object.__setattr__(self, name, number)
 
 
 PRESETS: dict[str, Sensors] = {
@@ -103,7 +95,7 @@ PRESETS: dict[str, Sensors] = {
     "lidar": Sensors(drift=0.01),
     "uwb": Sensors(rate=10.0, noise=0.05, delay=0.05, drift=0.08),
 }
-"""Three usual ways to know where the robot is; "lidar" is matched against a map."""
+"""Three usual localizations; "lidar" is matched against a map."""
 
 
 def make(source: str | Mapping[str, object] | Sensors) -> Sensors:

@@ -1,4 +1,4 @@
-"""One attacked episode, and what it says of the promise that rank 1 is never entered."""
+"""One attacked episode, and whether rank 1 was entered in it."""
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,29 +26,18 @@ CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 
 @dataclass(frozen=True)
 class AttackedEpisode:
-    """What to run.
+    """What to run."""
 
-    Args:
-        attack: what `attacks.make` takes, or a policy as `policies.make` takes it.
-        scenario: its name, or a scene as a dict.
-        seed: of the environment and the attack.
-        env: the id of an environment of this package.
-        env_options: further arguments of the environment.
-        filter_options: arguments of `SafetyFilter`.
-        parameters: of an attack that has some.
-        inside: a wrapper between the filter and the environment; None for none.
-        uncertainty: what rows reserve; None is the plant's own.
-    """
-
-    attack: str
-    scenario: Any
-    seed: int
-    env: str = "HCBF-A1Regions-v0"
-    env_options: Mapping[str, Any] | None = None
-    filter_options: Mapping[str, Any] | None = None
-    parameters: tuple[float, ...] | None = None
+    attack: str  # what `attacks.make` takes, or a policy as `policies.make` takes it
+    scenario: Any  # its name, or a scene as a dict
+    seed: int  # of the environment and the attack
+    env: str = "HCBF-A1Regions-v0"  # the id of an environment of this package
+    env_options: Mapping[str, Any] | None = None  # further arguments of the environment
+    filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
+    parameters: tuple[float, ...] | None = None  # of an attack that has some
+    # a wrapper between the filter and the environment; None for none
     inside: Callable[[gym.Env], gym.Env] | None = None
-    uncertainty: Uncertainty | None = None
+    uncertainty: Uncertainty | None = None  # what rows reserve; None is the plant's own
 
     def run(self) -> "Outcome":
         """Run the episode to its end."""
@@ -75,7 +64,7 @@ class AttackedEpisode:
         """Run the episode in a filtered environment, with what its estimator and its body did."""
         inner: Any = env.unwrapped
         act = policy_of(self.attack, env, self.seed, self.parameters)
-        errors: list[_Error] = []
+        errors: list[tuple[float, float]] = []
         reaches = [0.0]
 
         def observed() -> Iterator[Sample]:
@@ -98,13 +87,7 @@ class AttackedEpisode:
 def policy_of(
     name: str, env: gym.Env, seed: int, parameters: tuple[float, ...] | None = None
 ) -> Act:
-    """Return (observation, info) → u* (2,) [m/s²] of an attack or of a policy.
-
-    Args:
-        name: what `attacks.make` takes, or a policy's.
-        env: under its filter; attacks see its truth.
-        seed: of an attack.
-        parameters: of an attack that has some.
+    """Return (observation, info) → u* (2,) [m/s²] of a policy or of an attack on the truth.
 
     Raises:
         UnknownNameError: if there is neither an attack nor a policy of that name.
@@ -117,75 +100,45 @@ def policy_of(
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one episode showed; every h is the truth's, at every physics step that is reported.
+    """What one episode showed; every h is the truth's, at every physics step that is reported."""
 
-    Attributes:
-        least_h: least h of the strict barriers on the position [m, or the unit of h].
-        least_speed_h: of the strict speed limit [m/s]; infinite where there is none.
-        least_second_h: of the barriers of priority 2 [m].
-        least_body_h: of the strict barriers for the robot's body [m]; infinite for a point.
-        first_h: least h of the strict barriers on the position at the reset [m].
-        fell: whether the robot fell, where its environment says so.
-        reached: whether it reached the goal, likewise.
-        seconds: how long it took [s].
-        steps: how many it took.
-        qp_failures: task-space QPs without a solution.
-        status_counts: steps in each `FilterStatus`.
-        median_margin: of the largest margin of a strict row on the position [m].
-        changed: whether the filter changed u.
-        pressed: whether the filter had to change an input that would have entered.
-        alarm: the `Reason` that stood at the end, where it is an alarm; 0 for none.
-        warned: whether the filter said that the environment does not apply what it chose.
-        reach: the greatest horizontal distance of the body from the trunk's centre [m].
-        position_error: root mean square of the estimated position's error [m]; None where the
-            state is known.
-        nees: mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors.
-        nees_inside: share of the instants at which it lies in its 95 % band.
-    """
-
-    least_h: float
-    least_speed_h: float = np.inf
-    least_second_h: float = np.inf
+    least_h: float  # least h of the strict barriers on the position [m, or the unit of h]
+    least_speed_h: float = np.inf  # of the strict speed limit [m/s]; infinite where there is none
+    least_second_h: float = np.inf  # of the barriers of priority 2 [m]
+    # of the strict barriers for the robot's body [m]; infinite for a point
     least_body_h: float = np.inf
-    first_h: float = np.inf
-    fell: bool = False
-    reached: bool = False
-    seconds: float = 0.0
-    steps: int = 0
-    qp_failures: int = 0
-    status_counts: Sequence[int] = ()
-    median_margin: float = 0.0
-    changed: bool = False
-    pressed: bool = False
-    alarm: int = 0
-    warned: bool = False
-    reach: float = 0.0
+    first_h: float = np.inf  # least h of the strict barriers on the position at the reset [m]
+    fell: bool = False  # whether the robot fell, as far as its environment reports it
+    reached: bool = False  # whether it reached the goal, in the same sense
+    seconds: float = 0.0  # how long it took [s]
+    steps: int = 0  # how many it took
+    qp_failures: int = 0  # task-space QPs without a solution
+    status_counts: Sequence[int] = ()  # steps in each `FilterStatus`
+    median_margin: float = 0.0  # of the largest margin of a strict row on the position [m]
+    changed: bool = False  # whether the filter changed u
+    pressed: bool = False  # whether the filter had to change an input that would have entered
+    alarm: int = 0  # the `Reason` that stood at the end, where it is an alarm; 0 for none
+    warned: bool = False  # whether the filter warned that the environment does not apply its input
+    reach: float = 0.0  # the greatest horizontal distance of the body from the trunk's centre [m]
+    # root mean square of the estimated position's error [m]; None where the state is known
     position_error: float | None = None
+    # mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors
     nees: float | None = None
-    nees_inside: float | None = None
+    nees_inside: float | None = None  # share of the instants at which it lies in its 95 % band
 
 
 class Truth(NamedTuple):
-    """A plant and its ranked conditions at one sample, as they are.
+    """A plant and its ranked conditions at one sample, as they are."""
 
-    Attributes:
-        x: (n,) the state.
-        time: [s].
-        h: least h of the strict conditions on the position since the sample before, where less is
-            reported than now holds.
-        speed_h: of the other strict conditions; infinite where there are none.
-        second_h: of those of priority 2, likewise.
-        position: (m,) which conditions are strict and read the position.
-        along: (x (j, n), t (j,)) → (j, k) the h's of those elsewhere.
-    """
-
-    x: Array
-    time: float
+    x: Array  # (n,) the state
+    time: float  # [s]
+    # least h of the strict conditions on the position since the sample before, where less is
+    # reported than now holds
     h: float
-    speed_h: float
-    second_h: float
-    position: Mask
-    along: vacuity.Strict
+    speed_h: float  # of the other strict conditions; infinite where there are none
+    second_h: float  # of those of priority 2, or infinite
+    position: Mask  # (m,) which conditions are strict and read the position
+    along: vacuity.Strict  # (x (j, n), t (j,)) → (j, k) the h's of those elsewhere
 
 
 def truth(
@@ -228,7 +181,7 @@ def judge(
     model: ReducedOrderModel,
     input_set: InputSet,
 ) -> Outcome:
-    """Return what the truth and the filter's reports say of an episode.
+    """Return what the truth and the filter's reports show of an episode.
 
     Args:
         observed: its samples, from the reset on.
@@ -281,7 +234,7 @@ def _body_h(sample: Sample, now: Truth) -> float:
 
 
 def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
-    """Return a plant whose rows reserve other margins; its body stays as large as it is."""
+    """Return a plant whose rows reserve other margins, but for its body's."""
     return replace(plant, uncertainty=uncertainty._replace(body=plant.uncertainty.body))
 
 
@@ -291,21 +244,15 @@ def alarm_of(info: Info) -> int:
     return reason if reason >= FIRST_ALARM else 0
 
 
-class _Error(NamedTuple):
-    """Of an estimate at one instant: the squared error of the position [m²], and the NEES."""
-
-    position: float
-    nees: float
-
-
-def _error(env: Any) -> _Error:
+def _error(env: Any) -> tuple[float, float]:
+    """Return the squared error of an estimated position [m²], and the NEES."""
     estimate = env.estimate
     error = estimate.model + estimate.lag - env.truth  # the body's estimate beside the body
     nees = error @ np.linalg.solve(estimate.covariance, error)
-    return _Error(float(error[:2] @ error[:2]), float(nees))
+    return float(error[:2] @ error[:2]), float(nees)
 
 
-def _consistency(errors: Sequence[_Error]) -> dict[str, Any]:
+def _consistency(errors: Sequence[tuple[float, float]]) -> dict[str, Any]:
     """Return the fields of an outcome about an estimator; none where there was none."""
     if not errors:
         return {}

@@ -1,7 +1,7 @@
 """Policies that try to push the robot into a strict region with the full input.
 
-One of your own is an `Attack`, or any function s → u*, and goes by ``module:name`` or
-``file.py:name`` wherever the name of an attack is asked for; so every process finds it.
+One of your own is an `Attack`, or any function s → u*, named ``module:name`` or ``file.py:name``
+wherever an attack is named; so every process finds it.
 
 >>> class Spiral(Attack):
 ...     def act(self, s: Surroundings) -> Array:
@@ -64,28 +64,20 @@ class View(Protocol):
             nearest: weight of the least strict h; a negative one moves away.
             second: weight of the second least.
             sideways: weight of a chase along the edge, where the plant moves in a plane.
-            speed: that is chased there, to the left of the way to the nearest [m/s].
+            speed: that is chased there, to the left of the direction to the nearest [m/s].
         """
         ...
 
 
 @dataclass
 class Surroundings:
-    """What an attacker sees of a robot that moves in the plane like a double integrator.
+    """What an attacker sees of a robot that moves in the plane like a double integrator."""
 
-    Attributes:
-        position: (2,) of the trunk [m].
-        velocity: (2,) of the trunk [m/s].
-        h: (k,) of the strict barriers on the position, nearest first [m]; at least one.
-        normal: (k, 2) their unit gradients, away from the regions.
-        time: [s].
-    """
-
-    position: Array
-    velocity: Array
-    h: Array
-    normal: Array
-    time: float
+    position: Array  # (2,) of the trunk [m]
+    velocity: Array  # (2,) of the trunk [m/s]
+    h: Array  # (k,) of the strict barriers on the position, nearest first [m]; at least one
+    normal: Array  # (k, 2) their unit gradients, away from the regions
+    time: float  # [s]
 
     @property
     def second(self) -> Array:
@@ -104,7 +96,7 @@ class Surroundings:
     def push(
         self, nearest: float, second: float = 0.0, sideways: float = 0.0, speed: float = 0.0
     ) -> Array:
-        """Return the full input (2,) into the regions, as `View.push` says."""
+        """Return the full input (2,) into the regions, see `View.push`."""
         press = -(nearest * self.normal[0] + second * self.second)
         along = _left(self.normal[0])
         chase = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
@@ -147,11 +139,7 @@ def _left(normal: Array) -> Array:
 
 @dataclass
 class Attack:
-    """One hostile policy: what it wants given what it sees.
-
-    Args:
-        rng: decides what is random about it.
-    """
+    """One hostile policy, s → u*; `rng` decides what is random about it."""
 
     rng: np.random.Generator
     until: float = field(default=-1.0, init=False)
@@ -172,7 +160,6 @@ class Nearest(Attack):
     """Straight at the nearest strict region."""
 
     def act(self, s: View) -> Array:
-        """Return what lowers the least h."""
         return s.push(1.0)
 
 
@@ -180,44 +167,36 @@ class BangBang(Attack):
     """Corners of U, each held .1 to .5 s."""
 
     def act(self, s: View) -> Array:
-        """Return the corner chosen last."""
         return self.draw(s, 0.1, 0.5, lambda: s.corner(self.rng))
 
 
 class Wandering(Attack):
-    """A friendly one: inputs anywhere in U, each held .2 to 1 s."""
+    """A friendly one: random mixtures of the corners of U, each held .2 to 1 s."""
 
     def act(self, s: View) -> Array:
-        """Return a random mixture of the corners."""
-
-        def pick() -> Array:
-            return self.rng.dirichlet(np.ones(len(s.corners))) @ s.corners
-
-        return self.draw(s, 0.2, 1.0, pick)
+        ones = np.ones(len(s.corners))
+        return self.draw(s, 0.2, 1.0, lambda: self.rng.dirichlet(ones) @ s.corners)
 
 
 class Rotating(Attack):
     """The full input, turning once in two seconds."""
 
     def act(self, s: Surroundings) -> Array:
-        """Return the direction of the moment."""
         angle = np.pi * s.time
         return full(np.array([np.cos(angle), np.sin(angle)]))
 
 
 class Corner(Attack):
-    """Into the corner of the two nearest strict rows."""
+    """Into the corner of the two nearest strict rows: down h₁ + .9 h₂."""
 
     def act(self, s: View) -> Array:
-        """Return what lowers h₁ + .9 h₂."""
         return s.push(1.0, 0.9)
 
 
 class Edge(Attack):
-    """1.6 m/s along a strict edge, reversing at random, pressed against it."""
+    """1.6 m/s along a strict edge, reversing at random, the rest of the input against it."""
 
     def act(self, s: Surroundings) -> Array:
-        """Return a chase of the speed along the edge, with the rest of the input against it."""
         side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
         along = _left(s.normal[0])
         chase = 10.0 * (1.6 * side - s.velocity @ along)
@@ -225,19 +204,17 @@ class Edge(Attack):
 
 
 class GaitPhase(Attack):
-    """Against the nearest region, sideways in step with the gait."""
+    """Against the nearest region, sideways in step with half periods of the gait."""
 
     def act(self, s: Surroundings) -> Array:
-        """Return the push with a lateral part that reverses with every half period."""
         half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0
         return full(-s.normal[0] + (2.0 * half - 1.0) * _left(s.normal[0]))
 
 
 class Slam(Attack):
-    """Backs off from the nearest region, and slams into it."""
+    """Backs off from the nearest region, and slams into it, each for a random time."""
 
     def act(self, s: View) -> Array:
-        """Return away or towards, each held for a random time."""
         sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
         return s.push(-sign)
 
@@ -259,19 +236,11 @@ class Searched(Attack):
     parameters: tuple[float, ...] = (0.5,) * 6
 
     def act(self, s: View) -> Array:
-        """Return a mixture of the attacks above."""
         second, sideways, period, jitter, speed, back = self.parameters
         length = 0.1 + 1.9 * period
         low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
-        sign, away = self.draw(
-            s,
-            low,
-            high,
-            lambda: (
-                -self.choice[0] if self.choice is not None else 1.0,
-                self.rng.random() < 0.6 * back,
-            ),
-        )
+        turned = -self.choice[0] if self.choice is not None else 1.0
+        sign, away = self.draw(s, low, high, lambda: (turned, self.rng.random() < 0.6 * back))
         press = -1.0 if away else 1.0
         return s.push(press, press * second, sideways, 2.0 * speed * sign)
 
@@ -307,7 +276,6 @@ class Trained(Attack):
     parameters: tuple[float, ...] = field(default_factory=_trained)
 
     def act(self, s: Surroundings) -> Array:
-        """Return the full input along W φ."""
         weights = np.reshape(self.parameters[:18], (2, 9))
         period, hold = np.exp2(np.clip(self.parameters[18:], -3.0, 3.0))
         sign = self.draw(s, 0.5 * hold, 1.5 * hold, lambda: self.rng.choice([-1.0, 1.0]))
@@ -321,18 +289,13 @@ class Trained(Attack):
 
 
 class Called(Attack):
-    """A function s → u* (2,) as an attack.
-
-    Args:
-        function: what it calls.
-    """
+    """A function s → u* (2,) as an attack."""
 
     def __init__(self, function: Callable[[Surroundings], Any]):
         super().__init__(np.random.default_rng(0))
         self._function = function
 
     def act(self, s: Surroundings) -> Array:
-        """Return what the function wants."""
         return finite_array("attack", self._function(s), (2,))
 
 
@@ -354,7 +317,7 @@ ON_ANY_MODEL: dict[str, type[Attack]] = {
     "bang-bang": BangBang,
     "wandering": Wandering,
 }
-"""name → policy that asks for nothing but a `View`."""
+"""name → policy that needs a `View` alone."""
 
 
 def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:
@@ -367,8 +330,7 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
         parameters: of `Searched`, or other ones of `Trained`.
 
     Raises:
-        UnknownNameError: if there is no such attack.
-        InvalidInputError: if a module does not have what is named.
+        InvalidInputError: if there is no such attack.
     """
     rng = np.random.default_rng([STREAM, seed])
     if parameters is not None:

@@ -13,33 +13,19 @@ from hcbf_gym.policies import Policy
 
 
 class BatchEpisodes(NamedTuple):
-    """N episodes, k + 1 states and k steps; k is the length of the longest.
+    """N episodes, k + 1 states and k steps; k is the length of the longest."""
 
-    Attributes:
-        time: (k + 1,) [s].
-        position: (k + 1, N, 2) [m].
-        h: (k + 1, N, m) barrier values at the control times.
-        min_h: (N, m) their least values over all physics steps.
-        tracking_error: (k + 1, N) ‖p_ref − p‖ [m].
-        reward: (k, N), zero after an episode's end.
-        intervention: (k, N) ‖u − u*‖ [m/s²]; zero after an episode's end and without a filter.
-        delta: (k, N, m) the program's own relaxation [m/s²], likewise.
-        deadlock: (k, N) whether the robot stood though u* asked it to move, likewise.
-        running: (k, N) whether the step belongs to the episode.
-        terminated: (N,) whether the episode ended by itself: in a "reach" scene, at the goal.
-    """
-
-    time: Array
-    position: Array
-    h: Array
-    min_h: Array
-    tracking_error: Array
-    reward: Array
-    intervention: Array
-    delta: Array
-    deadlock: Mask
-    running: Mask
-    terminated: Mask
+    time: Array  # (k + 1,) [s]
+    position: Array  # (k + 1, N, 2) [m]
+    h: Array  # (k + 1, N, m) barrier values at the control times
+    min_h: Array  # (N, m) their least values over all physics steps
+    tracking_error: Array  # (k + 1, N) ‖p_ref − p‖ [m]
+    reward: Array  # (k, N), zero after an episode's end
+    intervention: Array  # (k, N) ‖u − u*‖ [m/s²]; zero after an episode's end and without a filter
+    delta: Array  # (k, N, m) the program's own relaxation [m/s²], zero in the same places
+    deadlock: Mask  # (k, N) whether the robot stood though u* requested motion
+    running: Mask  # (k, N) whether the step belongs to the episode
+    terminated: Mask  # (N,) whether the episode terminated: in a "reach" scene, at the goal
 
     @property
     def steps(self) -> Integers:
@@ -101,16 +87,9 @@ def rollout_batch(
         terminated_itself |= alive & terminated
         alive &= ~(terminated | truncated)
     env.close()
+    time = CONTROL_DT * np.arange(len(h), dtype=np.float64)
     return BatchEpisodes(
-        time=CONTROL_DT * np.arange(len(h), dtype=np.float64),
-        position=np.array(position),
-        h=np.array(h),
-        min_h=least,
-        tracking_error=np.array(error),
-        reward=np.array(reward),
-        intervention=np.array(intervention),
-        delta=np.array(delta),
-        deadlock=np.array(deadlock),
-        running=np.array(running),
-        terminated=terminated_itself,
-    )
+        time, np.array(position), np.array(h), least, np.array(error), np.array(reward),
+        np.array(intervention), np.array(delta), np.array(deadlock), np.array(running),
+        terminated_itself,
+    )  # fmt: skip

@@ -7,14 +7,14 @@ A policy of your own is a function (observation, info) → action as FILE.py:FUN
 MODULE:FUNCTION, a zip of Stable-Baselines3, an ONNX network, or a torch module (.pt). Zips and .pt
 files hold pickles, which run code when they are read: take them from those whom you trust.
 
-The same command goes on where it was interrupted.
+The same command resumes an interrupted run.
 """
 
 import itertools
 import shutil
 import warnings
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -27,14 +27,19 @@ from rich.progress import track
 
 from hcbf_gym import loading, policies, programs, records, scenarios
 from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
-from hcbf_gym.barriers import Barrier, Shapes
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, UnknownNameError, require, said_once
-from hcbf_gym.evaluation import chunks, environments, own_environment
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    UnknownNameError,
+    require,
+    warned_once,
+)
+from hcbf_gym.evaluation import environments, own_environment
 from hcbf_gym.evaluation.environments import Known
-from hcbf_gym.evaluation.episode import Sample, samples
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
+from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.evaluation.rollouts import (
@@ -50,18 +55,17 @@ from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend
-from hcbf_gym.programs.qp import check_solver
 from hcbf_gym.sources import sources_hash
 
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 OUTPUT = Path("results/evaluate")
 FEW = 10
 """Of fewer episodes the table gives no bound on entering: it would be near 1 anyway."""
 COLUMNS = 5
 """Pairs of policy and program beside each other in one table."""
 OWN_STEPS = 500
-"""The most that an episode of an environment of one's own takes, unless it is said."""
+"""The most that an episode of a user's environment takes by default."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +99,7 @@ class Args:
     gamma0: Amount | None = None
     """Weight γ₀ of all programs that take one [default: r 0.05, h 5.0]."""
     delta_gamma: Amount | None = None
-    """Slope Δγ of the weight, likewise [default: h 1.3]."""
-    margin: Amount | None = None
-    """What strict rows reserve between h and zero [m; default: the environment's]."""
-    solver: str | None = None
-    """daqp, clarabel, or any solver that qpsolvers finds installed [default: none is needed]."""
-    feedback: Literal["measured", "position", "rom"] = "position"
-    """On which state the A1 closes its loop."""
+    """Slope Δγ of their weights [default: h 1.3]."""
     episodes: Count = 1
     """Episodes of each pair, with the seeds seed, seed + 1, …"""
     seed: Seed = 0
@@ -132,7 +130,7 @@ class Args:
 
     @property
     def known(self) -> Known:
-        """What is known of the environment; nothing of one's own."""
+        """What is known of the environment; nothing of a user's own."""
         return environments.known().get(self.env, Known(None))
 
     @property
@@ -152,19 +150,14 @@ def main(args: Args) -> None:
     ]
     if args.output is not None:
         check_folder(args.output, _settings(args, _files(args)), args.overwrite)
-    with said_once():
-        _try(args, cases)
+    with warned_once():  # bad names, options and policies fail before work begins
+        for case in cases:
+            env = case.make(seed=args.seed)
+            policies.try_out(case.policy, env, args.seed)
+            env.close()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CoverageWarning)  # it has just been said
+        warnings.simplefilter("ignore", CoverageWarning)  # it has just been given
         _run(args, cases)
-
-
-def _try(args: Args, cases: Sequence[Case]) -> None:
-    """Let bad names, options and policies fail before work begins."""
-    for case in cases:
-        env = case.make(seed=args.seed)
-        policies.try_out(case.policy, env, args.seed)
-        env.close()
 
 
 def _run(args: Args, cases: Sequence[Case]) -> None:
@@ -186,15 +179,25 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
         if seed == args.seed:
             shown[case.policy, case.program] = episode
     pairs = [(case.policy, case.program) for case in cases]
-    in_order = [summaries[*pair, seed] for pair in pairs for seed in seeds]
-    rows = aggregate(in_order)
+    listed = [summaries[*pair, seed] for pair in pairs for seed in seeds]
+    rows = aggregate(listed)
     first = {pair: shown[pair] for pair in pairs}
-    write_json(output / "summary.json", _summary(args, files, in_order, rows, first))
+    any_of = first[pairs[0]]
+    names = list(zip(any_of.names, any_of.priority.tolist(), strict=True))
+    write_json(output / "summary.json", {
+        "environment": args.env,
+        "robot": args.env_options.get("robot", args.known.robot),
+        "settings": settings,
+        "seeds": [args.seed, args.seed + args.episodes - 1],
+        "interval": INTERVAL,
+        "barriers": [{"name": name, "priority": rank} for name, rank in names],
+        "episodes": listed,
+        "aggregate": rows,
+    })  # fmt: skip
     written = _draw(args, output, cases[0], first)
     shutil.rmtree(finished)
-    console, names, labels = Console(), _conditions(first), column_names(rows)
-    count = len(args.program)
-    together = COLUMNS // count * count or COLUMNS  # the programs of a policy stand side by side
+    console, labels, count = Console(), column_names(rows), len(args.program)
+    together = COLUMNS // count * count or COLUMNS  # the programs of a policy are side by side
     for start in range(0, len(rows), together):
         here = slice(start, start + together)
         console.print(comparison(rows[here], names, labels[here]).rich())
@@ -204,17 +207,13 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot, output)
     for row, label in zip(rows, labels, strict=True):
-        said = " ".join(sentences(row, names))
-        console.print(f"{label.replace(chr(10), ', ')}: {said}", soft_wrap=True, highlight=False)
+        text = f"{label.replace(chr(10), ', ')}: {' '.join(sentences(row, names))}"
+        console.print(text, soft_wrap=True, highlight=False)
     console.print(f"written to {output}: {', '.join([records.SETTINGS, *written])}", soft_wrap=True)
 
 
 def _check(args: Args) -> None:
-    """Refuse arguments that do not go together.
-
-    Raises:
-        HcbfError: if there are some.
-    """
+    """Refuse arguments that do not go together."""
     Runs(None, args.workers, args.backend).check()
     if not (args.own or args.env in environments.known()):
         raise UnknownNameError(
@@ -222,32 +221,26 @@ def _check(args: Args) -> None:
             "file.py:function or module:function"
         )
     for name in ("robot", "body"):
-        value, takes = (
-            getattr(args, name),
-            [e for e, k in environments.known().items() if name in k.options],
-        )
+        takes = [env for env, one in environments.known().items() if name in one.options]
+        value = getattr(args, name)
         if value != getattr(Args, name) and args.env not in takes:
             raise InvalidInputError(
                 f"--{name}: got {value!r} with {args.env}, expected --env {' or '.join(takes)}"
             )
+    given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
+    if args.own and given:
+        raise InvalidInputError(
+            f"evaluate: got {', '.join(given)} with {args.env}, whose plant decides all that"
+        )
     for policy in args.policy:
         policies.check(policy)
-    if args.solver is not None:
-        check_solver(args.solver)
+        if args.own and not policies.is_own(policy):
+            raise InvalidInputError(
+                f"policy: got {policy!r} with {args.env}, whose observations it does not know; "
+                f"expected one of your own: {policies.FORMS}"
+            )
     if args.video:
         require("--video", "video", "moviepy")
-    if args.own:
-        given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
-        if given:
-            raise InvalidInputError(
-                f"evaluate: got {', '.join(given)} with {args.env}, whose plant says all that"
-            )
-        for policy in args.policy:
-            if not policies.is_own(policy):
-                raise InvalidInputError(
-                    f"policy: got {policy!r} with {args.env}, whose observations it does not know; "
-                    f"expected one of your own: {policies.FORMS}"
-                )
 
 
 def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
@@ -256,34 +249,8 @@ def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
     if "robot" not in args.known.options:
         left_out.add("robot")  # that of the environment is no argument
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
-    decided = {"files": sources_hash(list(files)) if files else "", "versions": chunks.versions()}
+    decided = {"files": sources_hash(list(files)) if files else "", "versions": versions()}
     return records.plain(given) | decided
-
-
-def _summary(
-    args: Args,
-    files: Sequence[Path],
-    summaries: list[dict[str, Any]],
-    rows: list[dict[str, Any]],
-    shown: Mapping[tuple[str, str], Episode],
-) -> dict[str, Any]:
-    """Return what summary.json holds: enough to run it again, and a row for a table."""
-    return {
-        "environment": args.env,
-        "robot": args.env_options.get("robot", args.known.robot),
-        "settings": _settings(args, files),
-        "seeds": [args.seed, args.seed + args.episodes - 1],
-        "interval": INTERVAL,
-        "barriers": [{"name": name, "priority": rank} for name, rank in _conditions(shown)],
-        "episodes": summaries,
-        "aggregate": rows,
-    }
-
-
-def _conditions(shown: Mapping[tuple[str, str], Episode]) -> list[tuple[str, int]]:
-    """Return (name, rank) of the conditions, as the first episode has them."""
-    episode = next(iter(shown.values()))
-    return list(zip(episode.names, episode.priority.tolist(), strict=True))
 
 
 def _files(args: Args) -> list[Path]:
@@ -294,7 +261,7 @@ def _files(args: Args) -> list[Path]:
     files += [] if family is None else family.files
     files += [file for name in args.policy for file in policies.files(name)]
     if args.own:
-        files += own_environment.files(args.env)
+        files += loading.files(args.env)
     files += args.known.files(args.env_options)
     return sorted({file.resolve() for file in files})
 
@@ -306,9 +273,7 @@ def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
         options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}
         given = {"gamma0": args.gamma0, "delta_gamma": args.delta_gamma}
         options |= {k: v for k, v in given.items() if v is not None and k in accepted}
-        options |= {"solver": args.solver, "guidance": args.guidance}
-        if args.margin is not None:
-            options["margin"] = args.margin
+        options["guidance"] = args.guidance
     if args.own:
         steps = OWN_STEPS if args.steps is None else args.steps
         return Case(args.env, scene, policy, program, options, steps=steps)
@@ -323,7 +288,7 @@ def _draw(
     """Draw the first episodes, and return the figures' names, summary.json before them."""
     written = ["summary.json"]
     if args.own:
-        barriers = _own_barriers(args)
+        barriers = own_environment.barriers_of(args.env, args.seed)
         for (policy, program), episode in shown.items():
             name = f"episode-{_file_name(policy)}-{program}.{args.figures}"
             plot_episode(episode, barriers, f"{policy}, {program}").savefig(output / name)
@@ -337,15 +302,6 @@ def _draw(
     plot_series(shown).savefig(output / series)
     env.close()
     return [*written, paths, series]
-
-
-def _own_barriers(args: Args) -> Sequence[Barrier | Shapes]:
-    """Return the barriers of the user's plant as they are after the first reset."""
-    env, plant = own_environment.make(args.env)
-    observation, info = env.reset(seed=args.seed)
-    barriers = own_environment.barriers_of(plant, env.unwrapped, Sample(observation, info))
-    env.close()
-    return barriers
 
 
 def column_names(rows: list[dict[str, Any]]) -> list[str]:
@@ -391,17 +347,18 @@ def comparison(
         entered = [counted(row["entered"], n) if bounded else str(row["entered"]) for row in rows]
         cells.append((f"{title} ({BOUNDED})" if bounded else title, *entered))
     cells += [
-        (f"steps with status {status}", *(_counts(row, status) for row in rows))
+        (
+            f"steps with status {status}",
+            *(
+                "–" if row["program"] == UNFILTERED else str(row["status_counts"][status])
+                for row in rows
+            ),
+        )
         for status in ("VIOLATED", "UNSAFE", "BACKUP")
     ]
     policies = ", ".join(dict.fromkeys(row["policy"] for row in rows))
     title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode{'s' * (n > 1)} each"
     return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
-
-
-def _counts(row: Mapping[str, Any], status: str) -> str:
-    """Return in how many steps a filter had a status; a dash without a filter."""
-    return "–" if row["program"] == UNFILTERED else str(row["status_counts"][status])
 
 
 def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
@@ -422,7 +379,8 @@ def _record(case: Case, args: Args, output: Path) -> str:
     folder = output / "video" / name
     if args.own:
         records.make_folder(folder.parent)
-        film(case.run(args.seed), folder.with_suffix(".mp4"), _own_barriers(args))
+        barriers = own_environment.barriers_of(args.env, args.seed)
+        film(case.run(args.seed), folder.with_suffix(".mp4"), barriers)
         return f"video/{name}.mp4"
     env = gym.wrappers.RecordVideo(
         case.make(render_mode="rgb_array", seed=args.seed),
@@ -440,7 +398,7 @@ def _record(case: Case, args: Args, output: Path) -> str:
 
 def _take_snapshot(case: Case, args: Args, time: float, output: Path) -> None:
     env = case.make(render_mode="rgb_array", seed=args.seed)
-    walk: Iterator[Sample] = samples(env, policies.make(case.policy, env), args.seed)
+    walk = samples(env, policies.make(case.policy, env), args.seed)
     deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
     path = output / f"snapshot-{_file_name(case.policy)}-{case.program}.png"
     imsave(path, np.asarray(env.render()))

@@ -13,16 +13,11 @@ def _no_files(options: Mapping[str, Any]) -> list[Path]:
 
 
 class Known(NamedTuple):
-    """What commands know of an environment.
+    """What commands know of an environment."""
 
-    Attributes:
-        robot: what moves in it; None where the argument `robot` decides.
-        options: those arguments of `hcbf evaluate` that the environment takes.
-        files: (arguments of the environment) → the user's files that decide what it does.
-    """
-
-    robot: str | None
-    options: tuple[str, ...] = ()
+    robot: str | None  # what moves in it; None where the argument `robot` decides
+    options: tuple[str, ...] = ()  # those arguments of `hcbf evaluate` that the environment takes
+    # (arguments of the environment) → the user's files that decide what it does
     files: Callable[[Mapping[str, Any]], list[Path]] = _no_files
 
 
@@ -36,11 +31,7 @@ def known() -> dict[str, Known]:
 
 
 def register(env: str, facts: Known) -> None:
-    """Let `hcbf evaluate` and others take an environment of Gymnasium's registry.
-
-    Args:
-        env: its id; it takes `scenario` and `render_mode`.
-        facts: what commands know of it.
+    """Add an environment of Gymnasium's registry, which takes `scenario` and `render_mode`.
 
     Raises:
         InvalidInputError: if the id is taken.
@@ -52,5 +43,5 @@ def register(env: str, facts: Known) -> None:
         )
 
 
-register("HCBF-A1Regions-v0", Known("Unitree A1", ("feedback", "body")))
+register("HCBF-A1Regions-v0", Known("Unitree A1", ("body",)))
 register("HCBF-Regions-v0", Known("reduced-order model"))

@@ -13,15 +13,9 @@ Act = Callable[[Any, Info], Any]
 
 
 class Sample(NamedTuple):
-    """What an environment showed at its reset or after a step; of N environments with N entries.
+    """What an environment returned at its reset or after a step; of N environments with N entries.
 
-    Attributes:
-        observation: as the environment returned it.
-        info: likewise.
-        action: of the step; None at the reset.
-        reward: of the step; 0 at the reset.
-        terminated: whether the episode ended by itself.
-        truncated: whether it was cut off.
+    `action` is None at the reset.
     """
 
     observation: Any
@@ -48,10 +42,10 @@ def samples(
     seed: Any,
     options: Mapping[str, object] | None = None,
 ) -> Iterator[Sample]:
-    """Yield what an episode shows, from its reset to its end; the environment stays open.
+    """Yield the samples of an episode, from its reset to its end; the environment stays open.
 
-    The next action is asked for when the next sample is, so whoever iterates may change the plant
-    between two steps, and may stop at any.
+    An action is computed when the next sample is requested, so a loop may change the plant between
+    two steps, and may stop at any.
 
     Args:
         env: single, or a vector environment that does not reset itself.

@@ -55,14 +55,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
-    """Return the paths in the scene, seen from above.
+    """Return the paths in the scene that all episodes share, seen from above.
 
     Regions that move are filled where they are at the start, and outlined where they are later; a
-    dot on each path is where the robot is then.
-
-    Args:
-        scenario: the scene that all episodes share.
-        episodes: programs differ in colour, policies in style.
+    dot on each path is where the robot is then. Programs differ in colour, policies in style.
     """
     figure = new_figure(6.4, 5.4)
     axes = figure.add_subplot()
@@ -92,13 +88,7 @@ def plot_paths(scenario: Scenario, episodes: Shown) -> Figure:
 
 
 def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[float]:
-    """Draw where regions move: an arrow for 2 s, and later outlines; return their times [s].
-
-    Args:
-        axes: where to draw.
-        barriers: that are drawn where they are at the start.
-        end: of the last episode [s].
-    """
+    """Draw where regions move: an arrow for 2 s, and later outlines; return their times [s]."""
     times: set[float] = set()
     shapes = [barrier for barrier in barriers if isinstance(barrier, Shape)]
     moving = [shape for shape in shapes if shape.frame_velocity.any()]
@@ -125,11 +115,7 @@ def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[fl
 
 
 def plot_series(episodes: Shown) -> Figure:
-    """Return h_k, the slack of each rank that had some, and the tracking error over time.
-
-    Args:
-        episodes: of one scene.
-    """
+    """Return h_k, the slack of each rank that had some, and the tracking error over time."""
     first = next(iter(episodes.values()))
     ranks = sorted({rank for episode in episodes.values() for rank in _relaxed(episode)})
     rows = len(first.names) + len(ranks) + 1

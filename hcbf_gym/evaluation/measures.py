@@ -7,7 +7,7 @@ from hcbf_gym.models.constants import ASKING, STANDING
 
 
 def deadlocked(velocity: Array, u_nominal: Array, distance: Array, radius: float) -> Mask:
-    """Return when the robot stands, away from its goal, though the policy asks it to move.
+    """Return when the robot stands, away from its goal, though the policy requests motion.
 
     ``‖v‖ < 0.05 m/s, ‖u*‖ > 0.3 m/s², distance > radius``.
 
@@ -20,8 +20,3 @@ def deadlocked(velocity: Array, u_nominal: Array, distance: Array, radius: float
     stands = np.linalg.norm(velocity, axis=-1) < STANDING
     asks = np.linalg.norm(u_nominal, axis=-1) > ASKING
     return stands & asks & (distance > radius)
-
-
-def deadlock_share(velocity: Array, u_nominal: Array, distance: Array, radius: float) -> float:
-    """Return the share of an episode's k steps in which it is deadlocked, each array (k, …)."""
-    return float(np.mean(deadlocked(velocity, u_nominal, distance, radius)))

@@ -1,4 +1,4 @@
-"""Output folders that know what they hold, so that a run resumes its own study and no other."""
+"""Output folders that hold one study each, so that a run resumes its own and no other."""
 
 import contextlib
 import itertools
@@ -16,10 +16,10 @@ def open_folder(
     """Make a folder for one study, or open the one that already holds it.
 
     Args:
-        folder: where its results go.
+        folder: of its results.
         settings: what decides them; JSON types only.
         overwrite: take the folder whatever it holds, and write over files of the same names; None
-            where nobody can ask for that.
+            where there is no such option.
 
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
@@ -32,8 +32,7 @@ def open_folder(
 
 def free_folder(base: Path, settings: Mapping[str, object]) -> Path:
     """Return a folder for a study: `base`, or it with the least number that holds no other one."""
-    numbered = (base.with_name(f"{base.name}-{number}") for number in itertools.count(2))
-    for folder in itertools.chain([base], numbered):
+    for folder in itertools.chain([base], (Path(f"{base}-{k}") for k in itertools.count(2))):
         with contextlib.suppress(InvalidInputError):
             check_folder(folder, settings)
             return folder
@@ -55,9 +54,7 @@ def check_folder(
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
     if path.exists():
         differing = _differences(path, json.loads(json.dumps(settings, allow_nan=False)))
-        if not differing:
-            return
-        if not overwrite:
+        if differing and not overwrite:
             raise InvalidInputError(
                 f"output: {folder} holds another study, which differs in {differing}; "
                 f"expected another --output, or the same study{flag}"

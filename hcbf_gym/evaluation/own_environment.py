@@ -1,7 +1,6 @@
-"""An environment and a plant of the user's own: made by their function, read as a filter reads."""
+"""An environment and a plant of the user's own, made by their function."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -23,22 +22,14 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
 class Made(NamedTuple):
-    """What a user's function returned.
+    """What a user's function returned."""
 
-    Attributes:
-        env: the environment.
-        plant: what a filter must know of it.
-    """
-
-    env: gym.Env
-    plant: Plant
+    env: gym.Env  # the environment
+    plant: Plant  # what a filter must know of it
 
 
 def make(source: str) -> Made:
-    """Return a new environment and its plant.
-
-    Args:
-        source: ``module:function`` or ``file.py:function``.
+    """Return a new environment and its plant, from ``module:function`` or ``file.py:function``.
 
     Raises:
         InvalidInputError: if there is no such function, or it returns anything else.
@@ -52,11 +43,7 @@ def make(source: str) -> Made:
 
 
 def identity(source: str) -> str:
-    """Return the identity of the plant that a function makes; "" where each call makes another.
-
-    Args:
-        source: as `make` takes it.
-    """
+    """Return the identity of the plant that a function makes; "" where each call makes another."""
     found = set()
     for made in (make(source), make(source)):
         found.add(identities.of(identified(made.plant, made.env.unwrapped)))
@@ -64,47 +51,34 @@ def identity(source: str) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def files(source: str) -> list[Path]:
-    """Return the files in which a user's function and its neighbours are written."""
-    return loading.files(source)
-
-
-def barriers_of(plant: Plant, env: Any, sample: Sample) -> list[Barrier | Shapes]:
-    """Return the barriers of a plant at a sample, one after the other, as pictures show them."""
-    barriers = read(plant.barriers, env, sample.observation, sample.info)
-    if isinstance(barriers, BarrierSet):
-        return list(barriers.listed[0])
-    return list(each(barriers))
+def barriers_of(source: str, seed: int) -> list[Barrier | Shapes]:
+    """Return the barriers of a plant after the first reset, one by one, as pictures show them."""
+    env, plant = make(source)
+    observation, info = env.reset(seed=seed)
+    barriers = read(plant.barriers, env.unwrapped, observation, info)
+    env.close()
+    return list(barriers.listed[0] if isinstance(barriers, BarrierSet) else each(barriers))
 
 
 class Reading(NamedTuple):
-    """A plant and its m ranked conditions at one sample, as its readers say.
+    """A plant and its m ranked conditions at one sample, by its readers."""
 
-    Attributes:
-        x: (n,) the state.
-        time: [s].
-        conditions: name and rank of each.
-        reads_position: (m,) which of the strict ones read the position.
-        h: (m,) their values.
-        along: (x (j, n), t (j,)) → (j, m) their values elsewhere.
-    """
-
-    x: Array
-    time: float
-    conditions: Sequence[Condition]
-    reads_position: Mask
-    h: Array
-    along: Strict
+    x: Array  # (n,) the state
+    time: float  # [s]
+    conditions: Sequence[Condition]  # name and rank of each
+    reads_position: Mask  # (m,) which of the strict ones read the position
+    h: Array  # (m,) their values
+    along: Strict  # (x (j, n), t (j,)) → (j, m) their values elsewhere
 
 
 def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Reading:
-    """Return what a plant's readers say of a sample.
+    """Return what a plant's readers return for a sample.
 
     Args:
-        plant: whose readers are asked.
+        plant: with the readers.
         env: unwrapped.
         sample: the newest.
-        counted: the time where the plant tells none [s].
+        counted: the time where the plant's state has none [s].
         placing: since when shapes count in this episode.
     """
     observation, info = sample.observation, sample.info

@@ -1,7 +1,7 @@
-"""One episode as it was: what a table counts of it, and what a picture shows."""
+"""One episode as it was recorded, for tables and pictures."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,59 +22,38 @@ from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
+_REPORTED = ("u_nominal", "psi", "slack", "delta")
 Positions = Callable[[Array], Any]
 """x (n,) → (2,) where the robot is seen from above [m]."""
 
 
 @dataclass(frozen=True)
 class Episode:
-    """What one rollout recorded, k + 1 states and k steps, and how it ended.
+    """What one rollout recorded, k + 1 states and k steps, and how it ended."""
 
-    Attributes:
-        time: (k + 1,) [s].
-        state: (k + 1, n) of the reduced-order model.
-        position: (k + 1, 2) [m]; NaN where nothing says where x and y are.
-        h: (k + 1, m) barrier values at the control times.
-        min_h: (k + 1, m) their least values since the control time before, as far as reported.
-        tracking_error: (k + 1,) ‖p_ref − p‖ [m]; NaN of an environment without a reference.
-        reward: (k,).
-        u_nominal: (k, n_u) what the policy asked for.
-        u: (k, n_u) what was applied.
-        psi: (k, m) what the filter's rows keep from falling below zero; NaN without a filter.
-        slack: (k, m) violation of the filter's rows; zeros without a filter.
-        delta: (k, m) the program's own relaxation; zeros without a filter.
-        status: (k,) `FilterStatus`; NOMINAL without a filter.
-        deadlock: (k,) whether the robot stood though u* asked it to move; None where the model does
-            not say how fast it is.
-        obstacle_force: (k, n) largest contact force with each box during the step [N].
-        names: of the m barriers.
-        priority: (m,) of the barriers; 1 is strict.
-        fell: whether the robot fell.
-        reached: whether the goal was reached: for "track", within the scenario's goal radius at
-            its own end; None where the environment says nothing of it.
-        task: of the scene, "track" or "reach"; None of an environment of your own.
-    """
-
-    time: Array
-    state: Array
-    position: Array
-    h: Array
-    min_h: Array
-    tracking_error: Array
-    reward: Array
-    u_nominal: Array
-    u: Array
-    psi: Array
-    slack: Array
-    delta: Array
-    status: Integers
+    time: Array  # (k + 1,) [s]
+    state: Array  # (k + 1, n) of the reduced-order model
+    position: Array  # (k + 1, 2) [m]; NaN where x and y are not known
+    h: Array  # (k + 1, m) barrier values at the control times
+    min_h: Array  # (k + 1, m) their least values since the control time before, as far as reported
+    tracking_error: Array  # (k + 1,) ‖p_ref − p‖ [m]; NaN of an environment without a reference
+    reward: Array  # (k,)
+    u_nominal: Array  # (k, n_u) of the policy
+    u: Array  # (k, n_u) what was applied
+    psi: Array  # (k, m) what the filter's rows keep from falling below zero; NaN without a filter
+    slack: Array  # (k, m) violation of the filter's rows; zeros without a filter
+    delta: Array  # (k, m) the program's own relaxation; zeros without a filter
+    status: Integers  # (k,) `FilterStatus`; NOMINAL without a filter
+    # (k,) whether the robot stood though u* requested motion; None where the model has no velocity
     deadlock: Mask | None
-    obstacle_force: Array
-    names: tuple[str, ...]
-    priority: Integers
-    fell: bool
+    obstacle_force: Array  # (k, n) largest contact force with each box during the step [N]
+    names: tuple[str, ...]  # of the m barriers
+    priority: Integers  # (m,) of the barriers; 1 is strict
+    fell: bool  # whether the robot fell
+    # whether the goal was reached: for "track", within the scenario's goal radius at its own end;
+    # None where the environment does not report it
     reached: bool | None
-    task: str | None = None
+    task: str | None = None  # of the scene, "track" or "reach"; None of an environment of your own
 
     @property
     def intervention(self) -> Array:
@@ -93,7 +72,7 @@ class Episode:
     def summary(self) -> dict[str, Any]:
         """Return the figures of the episode as plain numbers and lists.
 
-        `status_counts` is what the filter said; `outside_steps` counts the steps during which the
+        `status_counts` is of the filter's report; `outside_steps` counts the steps during which the
         true state was in a strict region.
         """
         error, time = self.tracking_error, self.time
@@ -126,6 +105,25 @@ def _known(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
+def _walk(
+    env: gym.Env, policy: Policy, seed: int, plant: Plant | None, steps: int | None
+) -> tuple[list["_Look"], list[Sample]]:
+    """Run an episode; return its samples, and what a user's plant or the environment shows."""
+    looks: list[_Look] = []
+    observed: list[Sample] = []
+    placing = Placing(1)
+    most = None if steps is None else steps + 1
+    for sample in itertools.islice(samples(env, policy, seed), most):
+        if plant is None:
+            looks.append(_look(env.unwrapped, sample))
+        else:
+            looks.append(_look_own(plant, env, sample, looks, placing))
+        observed.append(sample)
+    if len(looks) < 2:
+        raise InvalidInputError("rollout: got an episode without a step, expected one at least")
+    return looks, observed
+
+
 class _Look(NamedTuple):
     """What is recorded of one sample."""
 
@@ -153,47 +151,30 @@ def rollout(
         plant: of an environment of your own; None takes its filter's.
         steps: the most that the episode takes; None for as many as the environment does.
         positions: x (n,) → (2,) where the robot is [m]; None takes the first two entries of the
-            planar models' states, which are that.
+            planar models' states.
 
     Raises:
-        InvalidInputError: if no plant says what the state and the barriers of the environment are,
-            or no step was taken.
+        InvalidInputError: if the environment has no plant, or no step was taken.
     """
     inner: Any = env.unwrapped
     own = not hasattr(inner, "barrier_set")
     if own and plant is None:
         plant = _plant_of(env)
-    observed: list[tuple[_Look, Sample]] = []
-    placing = Placing(1)
-    for sample in _limited(env, policy, seed, steps):
-        if own and plant:
-            look = _look_own(plant, env, sample, observed, placing)
-        else:
-            look = _look(inner, sample)
-        observed.append((look, sample))
-    looks, infos = [look for look, _ in observed], [sample.info for _, sample in observed]
-    taken = [sample for _, sample in observed[1:]]
-    if not taken:
-        raise InvalidInputError("rollout: got an episode without a step, expected one at least")
-    x, m = np.array([look.x for look in looks]), len(looks[0].h)
-    last = infos[-1]
-    records = [
-        sample.info.get("safety_filter") or _unfiltered(sample, plant, m) for sample in taken
-    ]
-    error = np.array([info.get("tracking_error", np.nan) for info in infos])
-    u_nominal = np.array([record["u_nominal"] for record in records])
+    looks, observed = _walk(env, policy, seed, plant if own else None, steps)
+    taken = observed[1:]
+    x, m, last = np.array([look.x for look in looks]), len(looks[0].h), observed[-1].info
+    reports = [one.info.get("safety_filter") or _unfiltered(one, plant, m) for one in taken]
+    columns = {name: np.array([report[name] for report in reports]) for name in _REPORTED}
+    error = np.array([one.info.get("tracking_error", np.nan) for one in observed])
     fell = bool(last.get("fallen", 0.0))
     if own:
-        said = last.get("is_success", last.get("success"))
-        reached = None if said is None else bool(said)
-        stood = None  # only the planar double integrator has a velocity that a filter knows
-        if plant is not None and plant.model == DoubleIntegrator():
-            stood = np.array([bool(record["deadlock"]) for record in records])
+        success = last.get("is_success", last.get("success"))
+        reached, stood = None if success is None else bool(success), _stood(plant, reports)
     else:
         radius = inner.scenario.goal_radius
         reached = taken[-1].over and not fell and bool(error[-1] <= radius)
-        stood = deadlocked(x[1:, 2:], u_nominal, error[1:], radius)
-    forces = [info.get("obstacle_force", ()) for info in infos[1:]]
+        stood = deadlocked(x[1:, 2:], columns["u_nominal"], error[1:], radius)
+    names, ranks = zip(*looks[0].conditions, strict=True)
     return Episode(
         time=np.array([look.time for look in looks]),
         state=x,
@@ -201,44 +182,36 @@ def rollout(
         h=np.array([look.h for look in looks]),
         min_h=np.array([look.min_h for look in looks]),
         tracking_error=error,
-        reward=np.array([float(sample.reward) for sample in taken]),
-        u_nominal=u_nominal,
-        u=np.array([record["u_safe"] for record in records]),
-        psi=np.array([record["psi"] for record in records]),
-        slack=np.array([record["slack"] for record in records]),
-        delta=np.array([record["delta"] for record in records]),
-        status=np.array([record["status"] for record in records], dtype=np.int64),
+        reward=np.array([float(one.reward) for one in taken]),
+        u=np.array([report["u_safe"] for report in reports]),
+        status=np.array([report["status"] for report in reports], dtype=np.int64),
         deadlock=stood,
-        obstacle_force=np.array(forces, dtype=np.float64),
-        names=tuple(condition.name for condition in looks[0].conditions),
-        priority=np.array([condition.rank for condition in looks[0].conditions], dtype=np.int64),
+        obstacle_force=np.array([one.info.get("obstacle_force", ()) for one in taken], np.float64),
+        names=names,
+        priority=np.array(ranks, dtype=np.int64),
         fell=fell,
         reached=reached,
         task=None if own else inner.scenario.task,
+        **columns,
     )
 
 
-def _limited(env: gym.Env, policy: Policy, seed: int, steps: int | None) -> Iterator[Sample]:
-    walk = samples(env, policy, seed)
-    return walk if steps is None else itertools.islice(walk, steps + 1)
+def _stood(plant: Plant | None, reports: Sequence[Mapping[str, Any]]) -> Mask | None:
+    """Return (k,) deadlocks by a filter, which knows the planar double integrator's velocity."""
+    if plant is None or plant.model != DoubleIntegrator():
+        return None
+    return np.array([bool(report["deadlock"]) for report in reports])
 
 
 def _plant_of(env: gym.Env) -> Plant:
-    """Return the plant of the filter around an environment of the user's own.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return the plant of the filter around an environment of the user's own."""
     around: Any = env
-    while around is not env.unwrapped:
+    while around is not None:
         if isinstance(getattr(around, "plant", None), Plant):
             return around.plant
-        around = around.env
-    if isinstance(getattr(around, "plant", None), Plant):
-        return around.plant
+        around = getattr(around, "env", None)
     raise InvalidInputError(
-        f"rollout: got {env}, of which no filter says what its state and its barriers are; "
-        "expected plant=Plant(…)"
+        f"rollout: got {env}, whose state and barriers no filter knows; expected plant=Plant(…)"
     )
 
 
@@ -250,24 +223,24 @@ def _look(inner: Any, sample: Sample) -> _Look:
 
 
 def _look_own(
-    plant: Plant, env: gym.Env, sample: Sample, before: list[Any], placing: Placing
+    plant: Plant, env: gym.Env, sample: Sample, before: list[_Look], placing: Placing
 ) -> _Look:
-    """Return what the plant of a user's environment says."""
+    """Return what the plant of a user's environment shows."""
     counted = len(before) * (plant.period or CONTROL_DT)
-    said = reading(plant, env.unwrapped, sample, counted, placing)
-    if before and len(said.h) != len(before[0][0].h):
+    now = reading(plant, env.unwrapped, sample, counted, placing)
+    if before and len(now.h) != len(before[0].h):
         raise InvalidInputError(
-            f"rollout: got {len(said.h)} barriers after {len(before[0][0].h)}, expected their "
-            "number to stay"
+            f"rollout: got {len(now.h)} barriers after {len(before[0].h)}, expected their number "
+            "to stay"
         )
-    min_h = said.h
+    min_h = now.h
     if "min_h" in sample.info:
-        min_h = np.minimum(said.h, least_reported(sample.info["min_h"], len(said.h)))
-    return _Look(said.time, said.x, said.h, min_h, tuple(said.conditions))
+        min_h = np.minimum(now.h, least_reported(sample.info["min_h"], len(now.h)))
+    return _Look(now.time, now.x, now.h, min_h, tuple(now.conditions))
 
 
 def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, object]:
-    """Return what a filter would report that changes nothing."""
+    """Return the report of a filter that changes nothing."""
     read = None if plant is None else plant.from_action
     u = np.asarray(sample.action if read is None else read(sample.action), dtype=np.float64)
     none = {"slack": np.zeros(m), "delta": np.zeros(m), "psi": np.full(m, np.nan)}
@@ -277,7 +250,7 @@ def _unfiltered(sample: Sample, plant: Plant | None, m: int) -> dict[str, object
 
 
 def _seen_at(x: Array, plant: Plant | None, positions: Positions | None, own: bool) -> Array:
-    """Return (2,) where a state is seen from above [m]; NaN where nothing says so."""
+    """Return (2,) where a state is seen from above [m]; NaN where that is not known."""
     if positions is not None:
         return np.asarray(positions(x), dtype=np.float64)
     model = None if plant is None else plant.model

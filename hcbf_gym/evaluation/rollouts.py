@@ -11,7 +11,7 @@ import numpy as np
 from hcbf_gym import loading, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation import environments, own_environment
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import Episode, rollout
 from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, upper_bound
 from hcbf_gym.models.plant import Plant
@@ -35,35 +35,24 @@ MEANS = (
 
 @dataclass(frozen=True)
 class Case:
-    """One cell of an evaluation: an environment, a scene, a policy and a program.
+    """One cell of an evaluation: an environment, a scene, a policy and a program."""
 
-    Args:
-        env: an id of `environments.known()`, or ``file.py:function`` or ``module:function``
-            that returns (environment, plant).
-        scenario: what `hcbf_gym.scenarios.make` takes; not read with an environment of your own.
-        policy: as `policies.make` takes it.
-        program: a program's name, or "none".
-        options: of the program and the filter.
-        env_options: further arguments of the environment.
-        v_max: cap on the speed [m/s] in the scene's place; None leaves it.
-        steps: the most that an episode takes; None for as many as the environment does.
-    """
-
+    # an id of `environments.known()`, or ``file.py:function`` or ``module:function`` that returns
+    # (environment, plant)
     env: str
-    scenario: Any
-    policy: str
-    program: str
-    options: Mapping[str, Any] | None = None
-    env_options: Mapping[str, Any] | None = None
-    v_max: float | None = None
+    scenario: Any  # what `hcbf_gym.scenarios.make` takes; not read with an environment of your own
+    policy: str  # as `policies.make` takes it
+    program: str  # a program's name, or "none"
+    options: Mapping[str, Any] | None = None  # of the program and the filter
+    env_options: Mapping[str, Any] | None = None  # further arguments of the environment
+    v_max: float | None = None  # cap on the speed [m/s] in the scene's place; None leaves it
+    # the most that an episode takes; None for as many as the environment does
     steps: int | None = None
 
     def make(self, render_mode: str | None = None, seed: int = 0) -> gym.Env:
         """Return the environment, filtered unless the program is "none".
 
-        Args:
-            render_mode: of an environment of this package.
-            seed: of the scene, where it is random and the cap on its speed is another.
+        The seed draws a random scene whose cap on the speed is replaced.
 
         Raises:
             UnknownNameError: if the environment or program is not registered.
@@ -144,10 +133,6 @@ class Job(NamedTuple):
         return self.case.run(self.seed)
 
 
-FEW, CHUNKS, MOST = 16, 64, 10
-"""Fewer episodes run alone each, and in chunks otherwise: some so many, of at most so many."""
-
-
 def evaluate(
     cases: Sequence[Case],
     seeds: Sequence[int],
@@ -170,19 +155,15 @@ def evaluate(
     jobs = [Job(case, seed) for case in cases for seed in seeds]
     own = {case.env for case in cases if loading.is_function(case.env)}
     plant = " ".join(own_environment.identity(env) for env in sorted(own))
-    size = 1 if len(jobs) < FEW else min(MOST, max(2, len(jobs) // CHUNKS))
-    episodes = runs.over(Job.run, jobs, title, reads, size, plant, repeat=True)
+    episodes = runs.over(Job.run, jobs, title, reads, plant, repeat=True)
     return ((jobs[k].case, jobs[k].seed, episode) for k, episode in episodes)
 
 
 def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row per (env, scenario, policy, program) over the seeds.
+    """Return one row per (env, scenario, policy, program) over the seeds of labelled summaries.
 
-    `intervals` holds, of what a table gives an interval for, [low, high] of the mean with the
-    confidence `statistics.INTERVAL`; `entered_at_most` the bound on the chance of entering.
-
-    Args:
-        episodes: summaries with their labels.
+    `intervals` holds [low, high] of means with the confidence `statistics.INTERVAL`;
+    `entered_at_most` the bound on the chance of entering.
     """
     keys = ("env", "scenario", "policy", "program")
     groups: dict[tuple, list[Mapping[str, Any]]] = {}

@@ -10,14 +10,14 @@ from hcbf_gym.errors import InvalidInputError, finite_float
 CONFIDENCE = 0.999
 """Of the bounds that tables give."""
 BOUNDED = f"≤ at {CONFIDENCE:.1%}"
-"""What a column's name says of the bounds in it."""
+"""In the name of a column with such bounds."""
 
 
 def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> float:
     r"""Return the greatest chance of entering that is in accord with a count.
 
     .. math::
-        P(\text{enter}) ≤ \text{BetaInv}(c; k + 1, n − k)
+        P(\\text{enter}) ≤ \\text{BetaInv}(c; k + 1, n − k)
 
     holds with confidence c, whatever the chance is, where the n episodes were drawn independently
     from one distribution and n was not chosen after a look at them. Searched attackers find
@@ -28,15 +28,11 @@ def upper_bound(entered: int, episodes: int, confidence: float = CONFIDENCE) -> 
         episodes: n, all episodes.
         confidence: c, between 0 and 1.
 
-    Returns:
-        The bound; 1 where all entered.
-
     Raises:
         InvalidInputError: if the counts are no integers with 0 ≤ k ≤ n and n ≥ 1, or the confidence
-            does not lie between 0 and 1.
+            is not between 0 and 1.
 
-    Source: C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial limits illustrated
-    in the case of the binomial", Biometrika 26 (1934).
+    Source: C. J. Clopper and E. S. Pearson, Biometrika 26 (1934).
     """
     _check_count("episodes", episodes, 1)
     _check_count("entered", entered, 0)
@@ -67,12 +63,8 @@ def mean(values: Sequence[float | None]) -> float | None:
 def share_interval(outcomes: Sequence[bool | None]) -> Interval:
     """Return the exact interval (Clopper and Pearson) of the chance of an outcome.
 
-    Args:
-        outcomes: of each episode; None where it is not known.
-
-    Examples:
-        >>> [round(end, 3) for end in share_interval([True] * 19 + [False])]
-        [0.751, 0.999]
+    >>> [round(end, 3) for end in share_interval([True] * 19 + [False])]
+    [0.751, 0.999]
     """
     if not outcomes or None in outcomes:
         return None
@@ -95,12 +87,8 @@ def shown_share(share: float, n: int) -> str:
 def mean_interval(values: Sequence[float]) -> Interval:
     """Return Student's interval of a mean; None of fewer than two values.
 
-    Args:
-        values: one of each episode.
-
-    Examples:
-        >>> [round(end, 3) for end in mean_interval([1.0, 2.0, 3.0])]
-        [-0.484, 4.484]
+    >>> [round(end, 3) for end in mean_interval([1.0, 2.0, 3.0])]
+    [-0.484, 4.484]
     """
     n = len(values)
     if n < 2:

@@ -1,4 +1,4 @@
-"""Tables that stand in a terminal and in a page alike."""
+"""Tables for a terminal and for pages."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,13 +8,7 @@ from rich.table import Table as RichTable
 
 
 class Table(NamedTuple):
-    """A table of text.
-
-    Attributes:
-        title: what the figures are; a page says it in its own words.
-        header: the columns' names.
-        rows: the cells, as many in each row as there are columns.
-    """
+    """A table of text: a title, the columns' names, and rows of as many cells."""
 
     title: str
     header: Sequence[str]

@@ -34,7 +34,7 @@ def film(episode: Episode, path: str | Path, barriers: Sequence[Barrier | Shapes
 
     Raises:
         MissingDependencyError: if the extra `video` is not installed.
-        InvalidInputError: if nothing says where the robot is, or the path ends otherwise.
+        InvalidInputError: if the robot's position is not known, or the path ends otherwise.
     """
     require("film", "video", "moviepy")
     if Path(path).suffix != ".mp4":

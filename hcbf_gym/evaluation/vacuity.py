@@ -48,7 +48,7 @@ def pressed(
 
 
 def check_jumps(source: str, went: list[Array], expected: list[Array]) -> None:
-    """Refuse an episode that goes on elsewhere: its environment resets itself.
+    """Refuse an episode whose environment resets itself, so that the state jumps.
 
     Args:
         source: of the environment.

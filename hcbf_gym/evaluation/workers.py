@@ -24,11 +24,7 @@ Backend = Literal["processes", "ray"]
 
 
 def count(backend: Backend, workers: int | None) -> int:
-    """Return how many jobs run at once.
-
-    Args:
-        backend: "processes" or "ray".
-        workers: how many; None for the cores that this process may use, or the cluster's CPUs.
+    """Return how many jobs run at once: the requested workers, or all CPUs of the backend.
 
     Raises:
         UnknownNameError: if there is no such backend.
@@ -50,19 +46,20 @@ def count(backend: Backend, workers: int | None) -> int:
 
 
 def parallel(backend: Backend, workers: int) -> joblib.Parallel:
-    """Return what runs calls and yields their results as they finish; one worker is the caller."""
+    """Return an executor that yields results as they finish; one worker is the caller."""
     options: dict[str, Any] = {"pre_dispatch": "n_jobs", "batch_size": 1, "max_nbytes": None}
     if backend == "processes":
         options |= {"backend": "loky", "inner_max_num_threads": 1}
         options |= {"initializer": _follow, "initargs": (os.getpid(),)}
-    else:
-        options["backend"] = _ray_backend()
+    else:  # whose pool calls back, so that results can be yielded
+        options["backend"] = importlib.import_module("ray.util.joblib.ray_backend").RayBackend()
+        options["backend"].supports_return_generator = True
         workers = min(workers, _ray_cpus())  # a node may have died
     return joblib.Parallel(workers, return_as="generator_unordered", **options)
 
 
 def deaths(backend: Backend) -> type[Exception]:
-    """Return the error that a worker raises which died before it had a result."""
+    """Return the error of a worker that died before it had a result."""
     return BrokenExecutor if backend == "processes" else _ray().exceptions.RayError
 
 
@@ -101,10 +98,3 @@ def _ray_cpus() -> int:
                 f"backend 'ray': no cluster answers at {where}: {reason}"
             ) from error
     return int(ray.cluster_resources().get("CPU", 0))
-
-
-def _ray_backend() -> Any:
-    """Return Ray's backend of joblib, whose pool calls back, so that results can be yielded."""
-    backend = importlib.import_module("ray.util.joblib.ray_backend").RayBackend()
-    backend.supports_return_generator = True
-    return backend

@@ -54,7 +54,7 @@ class ReasonWarnings:
         brakes = reason < FIRST_ALARM or self._brakes
         does = "brakes" if brakes else "continues without a promise"
         many = "" if count == 1 else f" of {count} plants"
-        text = f"{Reason(reason).says}{f' ({why})' if why else ''}"
+        text = f"{Reason(reason).text}{f' ({why})' if why else ''}"
         warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)
 
 

@@ -53,12 +53,12 @@ def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
     if judged.outside and judged.covered_by == CoveredBy.ARGUMENT:
         warn_caller(
             f"safety filter: the certificate {certificate.name!r} is of another plant: "
-            f"{'; '.join(judged.says)}: covered is 0",
+            f"{'; '.join(judged.reasons)}: covered is 0",
             CoverageWarning,
         )
         return replace(plant, covered=judged._replace(covered_by=CoveredBy.CERTIFICATE))
     if judged.outside:
-        warn_of_version(judged.says[0])
+        warn_of_version(judged.reasons[0])
     reserved = plant.uncertainty if certificate.margins is None else certificate.margins
     reserved = reserved._replace(body=plant.uncertainty.body)
     covered = judged if judged.outside else Earned(certificate, stated, plant.declared)
@@ -109,12 +109,12 @@ def limits(
     outside = [one for one in both if one.outside]
     if not outside:
         return None
-    phrases = tuple(phrase for one in outside for phrase in one.says)
+    phrases = tuple(phrase for one in outside for phrase in one.reasons)
     warn_caller(
         f"safety filter: the promise was not tested with {', '.join(phrases)}: covered is 0",
         CoverageWarning,
     )
-    return outside[0]._replace(says=phrases)
+    return outside[0]._replace(reasons=phrases)
 
 
 def differs(plant: Plant, env: Any) -> list[str]:

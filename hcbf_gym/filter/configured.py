@@ -29,7 +29,7 @@ from hcbf_gym.filter.settings import (
     input_limits,
     kept,
 )
-from hcbf_gym.guidance.extent import CELL, FINE
+from hcbf_gym.guidance.field import CELL, FINE
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator

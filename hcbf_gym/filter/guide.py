@@ -12,7 +12,6 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, warn_caller
 from hcbf_gym.filter.configured import Configured
 from hcbf_gym.filter.samples import Samples
-from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 
@@ -120,9 +119,9 @@ class Guide:
             plants["lost"] = self._lost
             guide.update(samples.time)
             x, place = self._led(guide), guide.geometry
-            guidance_row.rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
+            _core.guidance_rows(guide.field, place, guide.goal, x, guide.pull, plants["way"])
             ranks = plants["reachable"], plants["zone"]
-            guidance_row.ranks_at(guide.through, guide.zone, place, x, *ranks)
+            _core.guidance_ranks(guide.through, guide.zone, place, x, *ranks)
             if self._ahead > 0.0:
                 _core.face(samples.words, u_nominal, guide.pull.gain, self._ahead)
 

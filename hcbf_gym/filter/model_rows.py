@@ -11,10 +11,10 @@ from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows, check_barriers
-from hcbf_gym.barriers.general_kernels import PLACED, WIDTH
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.prepared import Prepared
 from hcbf_gym.barriers.relative_degree import Reach, samples
+from hcbf_gym.barriers.rows import PLACED, WIDTH
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Known, largest, slopes
 from hcbf_gym.errors import InvalidInputError

@@ -9,11 +9,10 @@ import numpy as np
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
-from hcbf_gym.barriers.general_kernels import LEANING, MARGIN, PLACED, WIDTH
 from hcbf_gym.barriers.kinks import Kinks
-from hcbf_gym.barriers.own_rows import usual, write_own_row
+from hcbf_gym.barriers.planar_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.barriers.rows import B
+from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Known
 from hcbf_gym.errors import UNREADABLE
@@ -117,7 +116,7 @@ class PlanarRows:
         for i, k, barrier in entries:
             if barrier.reads_position:  # which binds the point before an axle
                 out[i, k, MARGIN] += reach
-            of_row = out[i, k, MARGIN:LEANING].tolist()
+            of_row = out[i, k, MARGIN:USABLE].tolist()
             try:
                 with np.errstate(all="ignore"):
                     write_own_row(

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from hcbf_gym.arrays import Array, record_type
-from hcbf_gym.programs.planar.records import Settings
+from hcbf_gym.programs.planar import Settings
 
 COMPARED, CHANGED = 1, 2
 """What came in unforeseen: barriers that are compared with those before; whatever it is, others, or

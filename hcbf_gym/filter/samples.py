@@ -244,7 +244,7 @@ class Samples:
         known = ages[wrong & np.isfinite(ages)]
         self.wrong_age = ""
         if known.size:
-            self.wrong_age = f"the state: {clocks.says(float(known[0]), self._max_age)}"
+            self.wrong_age = f"the state: {clocks.refusal(float(known[0]), self._max_age)}"
 
 
 def _bare(numbers: Array) -> Array:

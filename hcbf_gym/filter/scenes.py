@@ -10,8 +10,8 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
-from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
@@ -126,7 +126,7 @@ class Scenes:
         for one in braking.shortcomings(scenes, made.alpha1, made.input_set, margin, fastest):
             if not one.promised:
                 covered[one.scenes] = Coverage.OUTSIDE
-            self._warn_once(one.what, one.says, CoverageWarning)
+            self._warn_once(one.what, one.text, CoverageWarning)
         return covered
 
     def check_limits(self, scenes: BarrierSet) -> None:
@@ -224,7 +224,7 @@ class Scenes:
             if seen is None:
                 seen = self._first[i, scan] = first.get((i, scan), now)
             if not clocks.is_accepted(now - seen, SEEN_FOR):
-                wrong = f"the scan {scan.name!r}: {clocks.says(now - seen, SEEN_FOR)}"
+                wrong = f"the scan {scan.name!r}: {clocks.refusal(now - seen, SEEN_FOR)}"
             self.now.own_margin[i, k] = scan.margin_at(now + hold - seen)
         return wrong
 

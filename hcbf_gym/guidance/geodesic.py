@@ -6,27 +6,24 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hcbf_gym import errors
+from hcbf_gym import _core, errors
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float, reals
-from hcbf_gym.guidance import extent as extents
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance import row as guidance_row
 from hcbf_gym.guidance import validation
-from hcbf_gym.guidance.ground import Ground, open_ground, paint_barriers
+from hcbf_gym.guidance.field import Ground, Pull, open_ground
 from hcbf_gym.guidance.map_ground import MapGround
-from hcbf_gym.guidance.row import Pull
 from hcbf_gym.models.constants import FARTHEST
 
 LEAST_CLEARANCE = 0.01
 """What strict edges reserve at least: where two of them touch no path leads between [m]."""
 
-_Question = tuple[MapGround | None, bytes]
-"""What a field answers: the ground of the scene's map, and all the numbers of the scene."""
+_Inputs = tuple[MapGround | None, bytes]
+"""What a field follows from: the ground of the scene's map, and all the numbers of the scene."""
 
 
 class Geodesic:
@@ -42,8 +39,6 @@ class Geodesic:
         through: ranks from it on may be crossed at their price, above 1; 0 for none. All others
             are crossed only where no other path is left, see `guidance.field`.
         cell: side of a grid cell [m]; larger in scenes of more than 10⁴ cells.
-        period: after which the field of a scene that moves is computed anew [s].
-        pull: how the row pulls.
 
     Raises:
         InvalidInputError: if an argument is out of range.
@@ -51,7 +46,7 @@ class Geodesic:
     Attributes:
         field: (N, capacity) the fields T, flat; see `guidance.field`.
         through: (N, capacity) through which rank the goal can be reached from each cell.
-        zone: (N, capacity) the rank of the map's zone that a cell lies in, 0 in none or rank 1.
+        zone: (N, capacity) the rank of the map's zone that a cell is in, 0 in none or rank 1.
         geometry: (N, 7) of the grids, see `guidance.field`.
         goal: (N, 2) [m].
         lost: scene → why no path leads to its goal; scenes that are not in it have one.
@@ -61,39 +56,31 @@ class Geodesic:
         >>> scene = scenarios.make("random")
         >>> way = guidance.Geodesic()
         >>> way.reset(scene.barriers, scene.goal, start=scene.start)
-        >>> a, b = way.row(np.zeros(4), 0.0)
+        >>> a, b = way.rows(np.zeros((1, 4)), np.zeros(1))
         >>> a.shape, way.reachable(np.zeros((1, 4))).tolist()
-        ((2,), [3])
+        ((1, 2), [3])
     """
 
-    def __init__(
-        self,
-        count: int = 1,
-        *,
-        through: int = 0,
-        cell: float = extents.CELL,
-        period: float = 0.5,
-        pull: Pull | None = None,
-    ):
+    period = 0.5
+    pull = Pull()
+
+    def __init__(self, count: int = 1, *, through: int = 0, cell: float = fields.CELL):
         count = errors.count("count", count)
-        through = errors.count("through", through, minimum=0)
+        self._opened = errors.count("through", through, minimum=0)
         self.cell = finite_float("cell", cell, minimum=0.0, exclusive=True)
-        self.period = finite_float("period", period, minimum=0.0, exclusive=True)
-        self.pull = Pull() if pull is None else pull
         self.geometry, self.goal = np.zeros((count, 7)), np.zeros((count, 2))
         self.field = np.zeros((count, 0), dtype=np.float32)
         self.through = np.zeros((count, 0), dtype=np.int8)
         self.zone = np.zeros((count, 0), dtype=np.int8)
-        self._opened = through
         self.lost: dict[int, str] = {}
         self._aim = np.full((count, 2), np.nan)  # the goals that were looked at last [m]
         self._scenes: list[BarrierSet | None] = [None] * count  # with which fields are computed
         self._grounds: list[MapGround | None] = [None] * count
-        self._solved: list[_Question | None] = [None] * count
+        self._solved: list[_Inputs | None] = [None] * count
         self._held: dict[tuple[int, int], Mapped] = {}
         self._next = np.full(count, np.inf)
         self._moving = False
-        self._asked: ArrayLike = 0.0  # what edges reserve [m]
+        self._clearance: ArrayLike = 0.0
 
     def reset(
         self,
@@ -132,9 +119,9 @@ class Geodesic:
     ) -> None:
         """Compute the fields of scenes that begin, or whose goals have moved.
 
-        No path leads to a goal that is not finite, lies outside the extent or the map, or inside a
-        strict region, nor from a start outside of them. On a map none leads, either, where a region
-        that is closed lies on every path. `lost` then says why.
+        No path leads to a goal that is not finite, outside the extent or the map, or inside a
+        strict region, nor from a start outside of them; on a map, nor where a closed region is on
+        every path. `lost` then states why.
 
         Args:
             barriers: of N scenes; a sequence of barriers where N is 1.
@@ -152,14 +139,7 @@ class Geodesic:
                 malformed; the fields stay as they were.
         """
         count = len(self.geometry)
-        scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
-        if len(scenes.kind) != count:
-            raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")
-        if (scenes.kind == layout.CUSTOM).any():
-            names = sorted({barrier.name for barrier in scenes.own.values()})
-            raise InvalidInputError(
-                f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
-            )
+        scenes = _read(barriers, count)
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         now = np.array(np.broadcast_to(t, count), dtype=np.float64)
         goals = validation.points("goal", goal, count)
@@ -167,10 +147,14 @@ class Geodesic:
         known = chosen & np.isfinite(goals + starts).all(axis=1)
         grounds = self._grounds_of(known, scenes, clearance)
         geometry = self._geometry(known, scenes, (goals, starts, now), extent, grounds)
-        self._check_clearance(scenes, clearance)
+        reserved = reals("clearance", clearance)
+        if reserved.ndim == 0:
+            finite_float("clearance", reserved.item(), minimum=0.0)
+        else:
+            finite_array("clearance", reserved, scenes.kind.shape)
         refused = validation.refusals(chosen, scenes, grounds, (goals, starts, geometry), now)
 
-        self._asked, self._held = clearance, dict(scenes.atlas.held)
+        self._clearance, self._held = clearance, dict(scenes.atlas.held)
         self._aim[chosen], self._next[chosen] = goals[chosen], now[chosen] + self.period
         for n in np.flatnonzero(chosen).tolist():
             self.lost.pop(n, None)
@@ -180,7 +164,14 @@ class Geodesic:
         for n in np.flatnonzero(fresh).tolist():
             self._scenes[n], self._grounds[n] = scenes, grounds[n]
         self.goal[fresh], self.geometry[fresh] = goals[fresh], geometry[fresh]
-        self._reserve(int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0)))
+        cells = int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0))
+        missing = cells - self.field.shape[1]
+        for name in ("field", "through", "zone") if missing > 0 else ():
+            setattr(self, name, np.pad(getattr(self, name), ((0, 0), (0, missing))))
+        self._solve_fresh(scenes, fresh, starts, now)
+
+    def _solve_fresh(self, scenes: BarrierSet, fresh: Mask, start: Array, now: Array) -> None:
+        """Compute the fields of scenes that begin, and note where no path leads on their maps."""
         velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
         planar = scenes.kind != layout.SPEED_LIMIT
         moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
@@ -188,7 +179,7 @@ class Geodesic:
         later = now + np.where(moves, 0.5 * self.period, 0.0)
         self._solve(fresh, later)
         for n in np.flatnonzero(fresh).tolist():
-            why = self._blocked(n, starts[n], float(later[n]))
+            why = self._blocked(n, start[n], float(later[n]))
             if why:
                 self.lost[n], self._next[n] = why, now[n] + self.period
         self._moving = bool((self._next < np.inf).any())
@@ -204,7 +195,7 @@ class Geodesic:
     ) -> None:
         """Compute anew the fields of goals that have moved by more than a cell.
 
-        Of a scene without a path to its goal that is tried again after every `period`.
+        A scene without a path to its goal is tried again after every `period`.
 
         Args:
             scenes: of all N, as they are now.
@@ -228,7 +219,7 @@ class Geodesic:
         led[list(self.lost)] = False
         self.goal[led] = goals[led]
         if again.any():
-            self.begin(scenes, goals, extent, self._asked, start=start, mask=again, t=t)
+            self.begin(scenes, goals, extent, self._clearance, start=start, mask=again, t=t)
 
     def lose(self, why: str) -> None:
         """Note why no path is known to any goal."""
@@ -278,6 +269,8 @@ class Geodesic:
     def rows(self, x: Array, t: Array) -> tuple[Array, Array]:
         """Return a (N, 2) and b (N,) of the rows ``a·u ≥ b`` at N states x (N, 4) and times t (N,).
 
+        At the goal, and where the state is not finite, a row requests nothing: a = 0, b = −1.
+
         Raises:
             InvalidInputError: before the first reset.
         """
@@ -285,23 +278,17 @@ class Geodesic:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
         out = np.zeros((len(x), 3))
-        guidance_row.rows(self.field, self.geometry, self.goal, x, self.pull, out)
+        _core.guidance_rows(self.field, self.geometry, self.goal, x, self.pull, out)
         return out[:, :2], out[:, 2]
-
-    def row(self, x: Array, t: float) -> tuple[Array, float]:
-        """Return a (2,) and b of the row at one state x (4,) and time t, where N is 1."""
-        a, b = self.rows(np.asarray(x, dtype=np.float64)[None], np.array([t]))
-        return a[0], float(b[0])
 
     def reachable(self, x: Array) -> Integers:
         """Return (N,) through which rank the goal can be reached from the states x (N, 4).
 
-        0: through the open. p > 1: a region of rank p lies on every path, or the robot stands in
-        one, and none of a higher rank has to be entered. 1: a strict region lies on every path, so
-        not at all.
+        0: through the open. p > 1: a region of rank p is on every path, or the robot is in one, and
+        none of a higher rank has to be entered. 1: a strict region is on every path: not at all.
         """
         reachable, zone = np.empty((2, len(x)))
-        guidance_row.ranks_at(self.through, self.zone, self.geometry, x, reachable, zone)
+        _core.guidance_ranks(self.through, self.zone, self.geometry, x, reachable, zone)
         return reachable.astype(np.int64)
 
     def _grounds_of(
@@ -334,7 +321,7 @@ class Geodesic:
         corners = np.empty((count, 2, 2))
         if extent is None:
             for n in np.flatnonzero(mask).tolist():
-                extents.scene_extent(
+                _core.scene_extent(
                     scenes.kind[n], scenes.parameters[n], scenes.priority[n], start[n], goal[n],
                     time[n], corners[n],
                 )  # fmt: skip
@@ -349,50 +336,30 @@ class Geodesic:
         for n in np.flatnonzero(mask).tolist():
             ground = grounds[n]
             if ground is None:
-                extents.geometry_over(corners[n], self.cell, geometry[n])
+                _core.geometry_over(corners[n], self.cell, geometry[n])
             else:
                 geometry[n] = ground.geometry
         return geometry
 
-    def _check_clearance(self, scenes: BarrierSet, clearance: ArrayLike) -> None:
-        """Refuse what edges cannot reserve.
-
-        Raises:
-            InvalidInputError: if it is no number from 0 on, and not one for each edge.
-        """
-        given = reals("clearance", clearance)
-        if given.ndim == 0:
-            finite_float("clearance", given.item(), minimum=0.0)
-        else:
-            finite_array("clearance", given, scenes.kind.shape)
-
-    def _reserve(self, cells: int) -> None:
-        """Make room for fields of so many cells, retaining those that there are."""
-        missing = cells - self.field.shape[1]
-        if missing > 0:
-            self.field = np.pad(self.field, ((0, 0), (0, missing)))
-            self.through = np.pad(self.through, ((0, 0), (0, missing)))
-            self.zone = np.pad(self.zone, ((0, 0), (0, missing)))
-
     def _solve(self, mask: Mask, t: Array) -> None:
         """Compute the masked scenes' fields at the times t (N,), none of them twice."""
-        first: dict[_Question, int] = {}
+        first: dict[_Inputs, int] = {}
         for n in np.flatnonzero(mask).tolist():
             base, parts = self._grounds[n], self._parts(n)
-            place = t[n], self.goal[n], self.geometry[n]
-            question = base, b"".join(part.tobytes() for part in (*parts, *place))
+            numbers = *parts, t[n], self.goal[n], self.geometry[n]
+            inputs = base, b"".join(part.tobytes() for part in numbers)
             self._aim[n] = self.goal[n]
-            if question == self._solved[n]:
+            if inputs == self._solved[n]:
                 continue
-            self._solved[n] = question
-            of = first.setdefault(question, n)
+            self._solved[n] = inputs
+            of = first.setdefault(inputs, n)
             if of != n:
                 for array in (self.field, self.through, self.zone):
                     array[n] = array[of]
                 continue
-            ground = self._ground(n, float(t[n]))
             where = self.geometry[n], self.goal[n], self._opened
-            fields.solve(ground, *where, self.field[n], self.through[n])
+            ground = self._ground(n, float(t[n]))
+            _core.solve_field(*ground, *where, self.field[n], self.through[n])
             self.zone[n] = 0
             if base is not None:
                 rank = base.ground.rank[1:-1, 1:-1]
@@ -402,8 +369,8 @@ class Geodesic:
         """Return kind, parameters, priority and clearance of a scene's edges."""
         scenes = self._scenes[n]
         assert scenes is not None
-        keeps, asked = scenes.keeps_margin[n], np.asarray(self._asked)
-        kept = np.maximum(asked[n] if asked.ndim else keeps * asked, keeps * LEAST_CLEARANCE)
+        keeps, given = scenes.keeps_margin[n], np.asarray(self._clearance)
+        kept = np.maximum(given[n] if given.ndim else keeps * given, keeps * LEAST_CLEARANCE)
         return scenes.kind[n], scenes.parameters[n], scenes.priority[n], kept
 
     def _ground(self, n: int, t: float) -> Ground:
@@ -415,7 +382,7 @@ class Geodesic:
             return base.ground
         else:
             ground = Ground(base.ground.cost.copy(), base.ground.rank.copy())
-        paint_barriers(ground, geometry, *parts, t, self._opened)
+        _core.paint_barriers(*ground, geometry, *parts, t, self._opened)
         return ground
 
     def _blocked(self, n: int, start: Array, t: float) -> str:
@@ -424,8 +391,8 @@ class Geodesic:
         if base is None:
             return ""
         field = fields.grid(self.field[n], base.geometry)
-        at = fields.cell_of(start[0], start[1], base.geometry)
-        rank, j, i = fields.crossing(self._ground(n, t).rank, field, *at, self._opened)
+        at = _core.field_cell_of(start[0], start[1], base.geometry)
+        rank, j, i = _core.field_crossing(self._ground(n, t).rank, field, *at, self._opened)
         if rank == 0:
             return ""
         x, y = fields.to_world(j, i, base.geometry)
@@ -436,6 +403,23 @@ class Geodesic:
             f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
             f"expected a goal that can be reached{remedy}"
         )
+
+
+def _read(barriers: BarrierSet | Sequence[Barrier | Shapes | Several], count: int) -> BarrierSet:
+    """Return N scenes of built-in barriers.
+
+    Raises:
+        InvalidInputError: if there are others, or another number of scenes.
+    """
+    scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
+    if len(scenes.kind) != count:
+        raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")
+    if (scenes.kind == layout.CUSTOM).any():
+        names = sorted({barrier.name for barrier in scenes.own.values()})
+        raise InvalidInputError(
+            f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
+        )
+    return scenes
 
 
 def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:

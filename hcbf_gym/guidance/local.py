@@ -1,14 +1,14 @@
-r"""Guidance without a goal: a row that walks along the edge which stops the policy.
+r"""Guidance without a goal: a row along the edge which stops the policy.
 
 Where u* presses against a region within 0.5 m, the row requests speed along the edge,
 
 .. math::
     tᵀu ≥ −k\,(tᵀv − β), \qquad t = σ\,(n_y, −n_x),
 
-n the unit gradient of the nearest such barrier and σ = ±1 the side. The side is the one that u*
-leans to when the edge is met; it is retained while something stops the policy, and flipped when
-the robot stands still for `STUCK` all the same. So single convex regions are passed; a cluster or
-a trap may not be: that takes a field.
+n the unit gradient of the nearest such barrier and σ = ±1 the side. It is the side of u* when the
+edge is met, retained while something stops the policy, and flipped when the robot is at rest for
+`STUCK` all the same. So single convex regions are passed; a cluster or a trap may not be: that
+takes a field.
 
 Source: the circulation of Gonçalves, Krishnamurthy, Tzes and Khorrami, Control barrier functions
 with circulation inequalities, IEEE TCST 2024, with a latched side.
@@ -23,10 +23,10 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.guidance.row import Pull
+from hcbf_gym.guidance.field import Pull
 
 STUCK: float = _core.CIRCULATION_STUCK
-"""Standing for so long flips the side [s]."""
+"""A robot at rest for so long flips the side [s]."""
 
 
 class Local:
@@ -39,13 +39,12 @@ class Local:
         InvalidInputError: if the count is below 1.
 
     Attributes:
-        memory: (N, 2) the side, 0 if free, and since when the robot stands [s].
+        memory: (N, 2) the side, 0 if free, and for how long the robot has been at rest [s].
         barriers: of the N scenes as they are now; None before the first reset.
     """
 
     def __init__(self, count: int = 1):
-        count = errors.count("count", count)
-        self.memory = np.zeros((count, 2))
+        self.memory = np.zeros((errors.count("count", count), 2))
         self.barriers: BarrierSet | None = None
 
     def reset(self, barriers: BarrierSet | Sequence[Barrier], *, mask: Mask | None = None) -> None:
@@ -76,10 +75,3 @@ class Local:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         kind, parameters = self.barriers.kind, self.barriers.parameters
         _core.circulation_rows(kind, parameters, x, t, u_nominal, Pull(), self.memory, out)
-
-    def row(self, x: Array, t: float, u_nominal: Array) -> tuple[Array, float]:
-        """Return a (2,) and b of the row at one state x (4,), time t and u* (2,), where N is 1."""
-        state = np.asarray(x, dtype=np.float64)[None]
-        out = np.empty((1, 3))
-        self.write_rows(state, np.array([t]), np.asarray(u_nominal, dtype=np.float64)[None], out)
-        return out[0, :2], float(out[0, 2])

@@ -4,28 +4,29 @@ from copy import copy
 
 import numpy as np
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.guidance.extent import geometry_of
-from hcbf_gym.guidance.ground import HALO, Ground, open_ground, paint_cells
+from hcbf_gym.guidance.field import Ground, geometry_of, open_ground
 from hcbf_gym.models.grid import Grid
 
 Window = tuple[int, int, int, int]
 
 
 class MapGround:
-    """What a field walks on where a map lies.
+    """The ground of a map's regions; its speed zones are open.
 
-    Classes of one rank and one clearance are painted together. Speed zones are open ground.
+    A cell is in a region where its centre is nearer to the occupied squares than the clearance and
+    the class's own margin. Classes of one rank and one clearance are painted together.
 
     Args:
         regions: the classes of one map.
-        clearance: what edges keep besides the margins of their classes [m].
+        clearance: what edges reserve besides the margins of their classes [m].
         opened: ranks from it on may be crossed at their price, above 1; 0 for none.
 
     Raises:
-        InvalidInputError: if the classes lie in different grids.
+        InvalidInputError: if the classes have different grids.
 
     Attributes:
         ground: of the map alone, without barriers beside it.
@@ -64,7 +65,7 @@ class MapGround:
             return other
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         farthest = max(clearance for _, clearance in keys)
-        reach = int((farthest + HALO) / self.grid.resolution) + 2
+        reach = int((farthest + _core.GROUND_HALO) / self.grid.resolution) + 2
         window = (
             max(1, int(rows[0]) - reach),
             min(changed.shape[0] - 1, int(rows[-1]) + 1 + reach),
@@ -76,13 +77,7 @@ class MapGround:
         return other
 
     def name_at(self, j: int, i: int, rank: int) -> str:
-        """Return what a message calls a region of a rank at a cell: its class's name if it has one.
-
-        Args:
-            j: row.
-            i: column.
-            rank: of the region.
-        """
+        """Return what a message calls a region of a rank at row j and column i."""
         nearest, name = np.inf, "a barrier"
         for one in self.regions:
             places = np.argwhere(_bordered(one)) - 1
@@ -98,8 +93,7 @@ class MapGround:
         """Return rank and clearance → (rows + 2, columns + 2) the cells that have both."""
         layers: dict[tuple[int, float], Mask] = {}
         for one in regions:
-            key = one.priority, one.margin + self.clearance
-            cells = _bordered(one)
+            key, cells = (one.priority, one.margin + self.clearance), _bordered(one)
             layers[key] = layers[key] | cells if key in layers else cells
         return layers
 
@@ -110,16 +104,16 @@ class MapGround:
         self.ground.cost[inner] = side
         self.ground.rank[inner] = 0
         for (rank, kept), cells in self._layers.items():
-            paint_cells(self.ground, window, cells, side, rank, kept, self.opened)
+            _core.paint_cells(*self.ground, window, cells, side, rank, kept, self.opened)
 
 
 def _bordered(one: MappedRegion) -> Mask:
-    """Return (rows + 2, columns + 2) the cells of a class; the border is what lies around."""
+    """Return (rows + 2, columns + 2) the cells of a class; the border is what is around."""
     return np.pad(one.cells, 1, constant_values=one.beyond)
 
 
 def _grid_of(regions: tuple[MappedRegion, ...]) -> Grid:
-    """Return the grid in which classes lie.
+    """Return the one grid of all classes.
 
     Raises:
         InvalidInputError: if there are several.

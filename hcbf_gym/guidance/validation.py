@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.set import BarrierSet
@@ -40,10 +41,10 @@ def refusals(
     place: tuple[Array, Array, Array],
     t: Array,
 ) -> dict[int, str]:
-    """Return scene → why no path leads to its goal, for those of which that is known at once.
+    """Return scene → why no path leads to its goal, where that is known before there is a field.
 
     Args:
-        mask: (N,) which scenes are looked at.
+        mask: (N,) which scenes.
         scenes: of all N.
         grounds: of their maps.
         place: goals (N, 2) [m], starts (N, 2) [m] and the geometry (N, 7) of the grids.
@@ -55,14 +56,15 @@ def refusals(
     strict = (scenes.priority == 1) & (scenes.kind != layout.SPEED_LIMIT)
     found: dict[int, str] = {}
     for n in np.flatnonzero(mask).tolist():
-        why = _unknown("goal", goal[n]) or _unknown("start", start[n])
-        why = (
-            why or _beyond("goal", goal[n], geometry[n]) or _beyond("start", start[n], geometry[n])
+        found[n] = (
+            _unknown("goal", goal[n])
+            or _unknown("start", start[n])
+            or _beyond("goal", goal[n], geometry[n])
+            or _beyond("start", start[n], geometry[n])
+            or _beside_walls(grounds[n], goal[n])
+            or _inside(goal[n], h[n], strict[n])
         )
-        why = why or _beside_walls(grounds[n], goal[n]) or _inside(goal[n], h[n], strict[n])
-        if why:
-            found[n] = why
-    return found
+    return {n: why for n, why in found.items() if why}
 
 
 def _unknown(name: str, point: Array) -> str:
@@ -73,8 +75,8 @@ def _unknown(name: str, point: Array) -> str:
 
 
 def _beyond(name: str, point: Array, geometry: Array) -> str:
-    """Return why a point (2,) is none on a grid (7,); "" where it lies on it."""
-    cell = np.array(fields.to_cells(point[0], point[1], geometry))
+    """Return why a point (2,) is none on a grid (7,); "" where it is on it."""
+    cell = np.array(_core.field_to_cells(point[0], point[1], geometry))
     last = geometry[3:5] - 1.0
     if not ((cell < -1e-9).any() or (cell > last + 1e-9).any()):
         return ""
@@ -87,7 +89,7 @@ def _beside_walls(base: MapGround | None, goal: Array) -> str:
     """Return why a body's centre cannot be at a goal (2,) on a map; "" where it can."""
     if base is None:
         return ""
-    j, i = fields.cell_of(goal[0], goal[1], base.geometry)
+    j, i = _core.field_cell_of(goal[0], goal[1], base.geometry)
     if base.ground.rank[j + 1, i + 1] != 1:
         return ""
     return (
@@ -97,7 +99,7 @@ def _beside_walls(base: MapGround | None, goal: Array) -> str:
 
 
 def _inside(goal: Array, h: Array, strict: Mask) -> str:
-    """Return in which strict region a goal (2,) lies, by h (m,) there; "" where in none."""
+    """Return in which strict region a goal (2,) is, by h (m,) there; "" where in none."""
     inside = np.flatnonzero(strict & (h < 0.0))
     if len(inside) == 0:
         return ""

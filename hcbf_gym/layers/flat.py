@@ -8,8 +8,8 @@ import numpy as np
 from hcbf_gym import _core, programs
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
-from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.many import Element
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet

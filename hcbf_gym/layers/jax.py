@@ -49,9 +49,6 @@ def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[...,
         )
         return jax.pure_callback(on_host, answer, variables, t, vmap_method="broadcast_all")
 
-    def forward(variables: Any, t: Any) -> Any:
-        return solve(variables, t), (variables, t)
-
     def backward(kept: Any, cotangents: Any) -> Any:
         variables, t = kept
         like = jax.ShapeDtypeStruct(variables.shape, variables.dtype)
@@ -60,7 +57,7 @@ def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[...,
         )
         return pulled, jnp.zeros_like(t)
 
-    solve.defvjp(forward, backward)
+    solve.defvjp(lambda variables, t: (solve(variables, t), (variables, t)), backward)
 
     def call(
         u_nominal: Any, x: Any, blocks: Any = None, margin: Any = None, t: Any = 0.0

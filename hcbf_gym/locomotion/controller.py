@@ -7,86 +7,63 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Mask, attributes
+from hcbf_gym.arrays import Array, Mask, attributes, words_of
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.gait import GAITS, Gait
 from hcbf_gym.locomotion.leg import foot_kinematics
 from hcbf_gym.locomotion.model import RobotModel
-from hcbf_gym.locomotion.records import MEMORY, SETTINGS
+from hcbf_gym.locomotion.records import MEMORY, SETTINGS, WORKSPACE
 from hcbf_gym.locomotion.state import RobotState
-from hcbf_gym.locomotion.task_space_qp import TaskSpaceQp
 from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
 LEAST_FRICTION, LARGEST_FRICTION = 0.05, 10.0
-"""What may be believed of the ground: below, no gait walks; above, nothing is left to believe."""
+"""Of the ground's friction: below, no gait walks; above, it bounds nothing."""
 
 
 class BodyReference(NamedTuple):
-    """What the trunk shall do in the plane.
+    """The trunk's reference in the plane."""
 
-    Attributes:
-        position: (2,) [m].
-        velocity: (2,) [m/s].
-        acceleration: (2,) [m/s²].
-        yaw: [rad].
-        yaw_rate: [rad/s].
-        yaw_acceleration: [rad/s²].
-        turning: whether the heading follows the velocity at present.
-    """
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-    yaw: float
-    yaw_rate: float
-    yaw_acceleration: float
-    turning: bool
+    position: Array  # (2,) [m]
+    velocity: Array  # (2,) [m/s]
+    acceleration: Array  # (2,) [m/s²]
+    yaw: float  # [rad]
+    yaw_rate: float  # [rad/s]
+    yaw_acceleration: float  # [rad/s²]
+    turning: bool  # whether the heading follows the velocity at present
 
 
 class Diagnostics(NamedTuple):
-    """What the controller did in its latest tick.
+    """The controller's latest tick."""
 
-    Attributes:
-        stance: (4,) bool, feet that the gait lets carry.
-        foot_position: (4, 3) where the feet shall be in the world [m].
-        foothold: (4, 2) where they shall land, or stand [m].
-        torque: (12,) as commanded [N·m].
-        feedforward: (12,) the QP's share of it [N·m].
-        qp_exitflag: DAQP's; 1 means optimal, 0 that there was no program yet.
-        qp_residual: largest violation of the KKT conditions; 0 where there was no program yet.
-        qp_solved: programs solved since reset.
-        qp_failed: programs without a solution since reset; the last torques were held there.
-    """
-
-    stance: Mask
-    foot_position: Array
-    foothold: Array
-    torque: Array
-    feedforward: Array
-    qp_exitflag: int
-    qp_residual: float
-    qp_solved: int
-    qp_failed: int
+    stance: Mask  # (4,) feet that the gait lets carry
+    foot_position: Array  # (4, 3) targets of the feet in the world [m]
+    foothold: Array  # (4, 2) where they land, or are [m]
+    torque: Array  # (12,) as commanded [N·m]
+    feedforward: Array  # (12,) the QP's share of it [N·m]
+    qp_exitflag: int  # DAQP's; 1 means optimal, 0 that there was no program yet
+    qp_residual: float  # largest violation of the KKT conditions; 0 where there was no program yet
+    qp_solved: int  # programs solved since reset
+    qp_failed: int  # programs without a solution since reset; the last torques were held there
 
 
 class LocomotionController:
     """Walks a quadruped so that its trunk accelerates by u in the plane.
 
+    Args:
+        xml_file: MJCF of the robot alone, from which the controller's model is read.
+        timestep: of the control loop [s].
+        friction: µ of the friction pyramid that bounds the contact forces; below 0.6 the
+            robot turns more slowly in proportion.
+        gait: a name from `GAITS`; "stand" stands still until a command or a disturbance.
+        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
+        max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
+
     Attributes:
         stance: (4,) feet that the latest tick lets carry; a view, which every tick changes.
         solved: programs solved since reset.
         failed: programs without a solution since reset.
-
-    Args:
-        xml_file: MJCF of the robot alone, from which the controller's own model is read.
-        timestep: of the control loop [s].
-        friction: µ of the friction pyramid that bounds the contact forces; below 0.6 the
-            robot turns more slowly in proportion.
-        gait: a name from `GAITS`; "stand" stands still until something is asked or disturbs.
-        heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
-        max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
 
     Raises:
         RobotModelError: if the file is no model of the A1's kind; the message names the joints.
@@ -123,7 +100,28 @@ class LocomotionController:
         self._settings = np.array([settings], dtype=SETTINGS)
         self._memory = np.zeros(1, dtype=MEMORY)
         self.stance: Mask = self._memory["targets"]["stance"][0]
-        self._qp = TaskSpaceQp(self._settings, self._memory)
+        workspace = np.zeros(1, dtype=WORKSPACE)
+        records = self._settings, self._memory, workspace
+        self._compiled = _core.LocomotionTick(*map(words_of, records))
+        work = attributes(workspace)
+        self._found, self._feedforward, self._z = work.torque, work.feedforward, work.z
+        self._programs = [
+            qp.QuadraticProgram(
+                work.H,
+                work.f,
+                work.A[: 12 + 4 * contacts],
+                work.lower[: 24 + 4 * contacts],
+                work.upper[: 24 + 4 * contacts],
+                0,
+            )
+            for contacts in range(5)
+        ]
+        # where no bound binds, the solution is in the workspace and the multipliers are zero
+        self._free = [
+            qp.Solution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
+            for program in self._programs
+        ]
+        self._program = self._programs[0]
         self._begun = False
         self._solution: qp.Solution | None = None
         self._torque = np.zeros(12)
@@ -148,7 +146,7 @@ class LocomotionController:
         memory.targets.stance[:] = True
         memory.targets.motion[:, 0] = feet
         memory.targets.foothold[:] = feet[:, :2]
-        self._qp.feedforward[:] = 0.0
+        self._feedforward[:] = 0.0
         self._torque = np.zeros(12)
         self._begun, self._solution = True, None
         self.solved = 0
@@ -157,35 +155,41 @@ class LocomotionController:
     def step(self, state: RobotState, u: Array) -> Array:
         """Return (12,) joint torques [N·m] for the coming tick.
 
+        Where no bound binds, this is one compiled call; DAQP solves the other programs, and without
+        a solution the last torques hold.
+
         Args:
             state: as measured now.
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
-        self._torque, self._solution = self._qp.step(state, u)
-        if self._solution.x is None:
-            self.failed += 1
-        else:
-            self.solved += 1
+        contacts, free = self._compiled.tick(state.vector, u)
+        self._program, solution = self._programs[contacts], self._free[contacts]
+        if not free:
+            solution = qp.solve(self._program)
+            if solution.x is not None:
+                self._z[:] = solution.x
+            self._compiled.finish(solution.x is not None)
+        solved = solution.x is not None
+        self.solved += solved
+        self.failed += not solved
+        self._torque, self._solution = self._found.copy(), solution
         return self._torque
 
     @property
     def lift(self) -> float:
-        """The acceleration upwards that it has learnt to hold the trunk's height [m/s²]."""
+        """The upward acceleration that it has learnt to hold the trunk's height [m/s²]."""
         return float(self._memory["lift"][0])
 
     @property
     def reference(self) -> BodyReference:
-        """Where the trunk shall be: the reduced-order model's own state, and the heading."""
+        """The state of the reduced-order model, and the heading's."""
         # in one piece: field by field takes six times as long
         fields = self._memory["reference"].copy().item()
         return BodyReference._make(fields)
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """What the latest tick did, or where the robot stands since the reset.
-
-        Made on request, for the residual takes longer than the QP.
-        """
+        """The latest tick, or the pose at the reset; the residual takes longer than the QP."""
         if not self._begun:
             raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
         targets = attributes(self._memory).targets
@@ -195,20 +199,16 @@ class LocomotionController:
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
-            feedforward=self._qp.feedforward.copy(),
+            feedforward=self._feedforward.copy(),
             qp_exitflag=0 if solved is None else solved.exitflag,
-            qp_residual=0.0 if solved is None else qp.residual(self._qp.program, solved),
+            qp_residual=0.0 if solved is None else qp.residual(self._program, solved),
             qp_solved=self.solved,
             qp_failed=self.failed,
         )
 
 
 def check_friction(friction: float) -> float:
-    """Return µ of the contact forces.
-
-    Raises:
-        InvalidInputError: if it is no number that a controller can plan with.
-    """
+    """Return µ of the contact forces, if a controller can plan with it."""
     return finite_float("friction", friction, minimum=LEAST_FRICTION, maximum=LARGEST_FRICTION)
 
 

@@ -4,21 +4,13 @@ from typing import NamedTuple
 
 
 class Gait(NamedTuple):
-    """When each foot swings.
+    """When each foot swings."""
 
-    Attributes:
-        period: of a stride [s].
-        duty: share of the period that a foot stands.
-        offsets: phase of FR, FL, RR, RL at time zero; a foot stands while its phase is below duty.
-        rests: whether all feet stay down while nothing is asked and nothing disturbs.
-        max_speed: up to which it walks well [m/s].
-    """
-
-    period: float
-    duty: float
-    offsets: tuple[float, float, float, float]
-    rests: bool
-    max_speed: float
+    period: float  # of a stride [s]
+    duty: float  # share of the period that a foot is in stance
+    offsets: tuple[float, float, float, float]  # phase of FR, FL, RR, RL at time zero
+    rests: bool  # whether all feet stay down without a command and a disturbance
+    max_speed: float  # up to which it walks well [m/s]
 
 
 _TROT = Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=False, max_speed=1.8)

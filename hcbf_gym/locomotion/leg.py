@@ -8,33 +8,20 @@ from hcbf_gym.locomotion.records import LEGS
 
 
 class LegGeometry(NamedTuple):
-    """Lengths of the four legs.
+    """Lengths of the four legs."""
 
-    Attributes:
-        hip: (4, 3) abad joint in the trunk's axes [m].
-        offset: (4,) from the abad axis sideways to the leg's plane, left positive [m].
-        thigh: hip to knee [m].
-        calf: knee to the foot's centre [m].
-    """
-
-    hip: Array
-    offset: Array
-    thigh: float
-    calf: float
+    hip: Array  # (4, 3) abad joint in the trunk's axes [m]
+    offset: Array  # (4,) from the abad axis sideways to the leg's plane, left positive [m]
+    thigh: float  # hip to knee [m]
+    calf: float  # knee to the foot's centre [m]
 
 
 class FootKinematics(NamedTuple):
-    """Where the feet are and how the joints move them, in the trunk's axes.
+    """Motion of the feet's centres in the trunk's axes."""
 
-    Attributes:
-        position: (4, 3) r, of the foot's centre from the trunk's origin [m].
-        jacobian: (4, 3, 3) J = ∂r/∂q of the leg's own joints.
-        bias: (4, 3) J̇q̇ [m/s²].
-    """
-
-    position: Array
-    jacobian: Array
-    bias: Array
+    position: Array  # (4, 3) r from the trunk's origin [m]
+    jacobian: Array  # (4, 3, 3) J = ∂r/∂q of the leg's own joints
+    bias: Array  # (4, 3) J̇q̇ [m/s²]
 
 
 def foot_kinematics(geometry: LegGeometry, joints: Array, velocity: Array) -> FootKinematics:

@@ -16,30 +16,18 @@ if TYPE_CHECKING:
 
 
 class Bodies(NamedTuple):
-    """Inertias of the trunk and, leg by leg, of hip, thigh and calf; losses of the joints.
+    """Inertias of the trunk and, leg by leg, of hip, thigh and calf; losses of the joints."""
 
-    Attributes:
-        mass: (13,) [kg].
-        com: (13, 3) centre of mass in the body's own axes [m].
-        inertia: (13, 3, 3) about the centre of mass, in the body's own axes [kg·m²].
-        armature: (12,) of the joints [kg·m²].
-        damping: (12,) [N·m·s/rad].
-        dry_friction: (12,) [N·m].
-    """
-
-    mass: Array
-    com: Array
-    inertia: Array
-    armature: Array
-    damping: Array
-    dry_friction: Array
+    mass: Array  # (13,) [kg]
+    com: Array  # (13, 3) centre of mass in the body's own axes [m]
+    inertia: Array  # (13, 3, 3) about the centre of mass, in the body's own axes [kg·m²]
+    armature: Array  # (12,) of the joints [kg·m²]
+    damping: Array  # (12,) [N·m·s/rad]
+    dry_friction: Array  # (12,) [N·m]
 
 
 class RobotModel:
-    """A floating trunk with four abad–hip–knee legs.
-
-    Args:
-        robot: as read from its file, which may hold no ``<include>``.
+    """A floating trunk with four abad–hip–knee legs, read from a file without ``<include>``.
 
     Raises:
         RobotModelError: if Pinocchio cannot read the file, or the closed form does not cover its
@@ -47,21 +35,17 @@ class RobotModel:
     """
 
     def __init__(self, robot: Quadruped) -> None:
-        self.pinocchio = _read(robot.xml_file)
-        self.legs = _leg_geometry(self.pinocchio, robot)
-        self.bodies = _bodies(self.pinocchio)
-
-
-def _bodies(model: "pin.Model") -> Bodies:
-    inertias = [model.inertias[joint] for joint in range(1, model.njoints)]
-    return Bodies(
-        mass=np.array([inertia.mass for inertia in inertias]),
-        com=np.array([inertia.lever for inertia in inertias]),
-        inertia=np.array([inertia.inertia for inertia in inertias]),
-        armature=model.armature[6:].copy(),
-        damping=model.damping[6:].copy(),
-        dry_friction=model.upperDryFrictionLimit[6:].copy(),
-    )
+        self.pinocchio = model = _read(robot.xml_file)
+        self.legs = _leg_geometry(model, robot)
+        inertias = [model.inertias[joint] for joint in range(1, model.njoints)]
+        self.bodies = Bodies(
+            mass=np.array([inertia.mass for inertia in inertias]),
+            com=np.array([inertia.lever for inertia in inertias]),
+            inertia=np.array([inertia.inertia for inertia in inertias]),
+            armature=model.armature[6:].copy(),
+            damping=model.damping[6:].copy(),
+            dry_friction=model.upperDryFrictionLimit[6:].copy(),
+        )
 
 
 def _read(xml_file: Path) -> "pin.Model":

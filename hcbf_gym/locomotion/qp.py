@@ -1,4 +1,4 @@
-"""How the controller calls a solver: every status is read, no solution is guessed."""
+"""The controller's solver: every status is read, no solution is guessed."""
 
 from functools import cache
 from typing import NamedTuple
@@ -14,37 +14,22 @@ _EQUALITY = 5
 
 
 class QuadraticProgram(NamedTuple):
-    """``min ½ xᵀHx + fᵀx`` subject to ``lower ≤ [x; A x] ≤ upper``.
+    """``min ½ xᵀHx + fᵀx`` subject to ``lower ≤ [x; A x] ≤ upper``."""
 
-    Attributes:
-        H: (n, n) positive semidefinite.
-        f: (n,).
-        A: (m, n) general rows.
-        lower: (n + m,) bounds, those of the unknowns first.
-        upper: (n + m,).
-        equalities: how many of the general rows, the first ones, have equal bounds.
-    """
-
-    H: Array
-    f: Array
-    A: Array
-    lower: Array
-    upper: Array
-    equalities: int
+    H: Array  # (n, n) positive semidefinite
+    f: Array  # (n,)
+    A: Array  # (m, n) general rows
+    lower: Array  # (n + m,) bounds, those of the unknowns first
+    upper: Array  # (n + m,)
+    equalities: int  # how many of the general rows, the first ones, have equal bounds
 
 
 class Solution(NamedTuple):
-    """What the solver said.
+    """The solver's result."""
 
-    Attributes:
-        x: (n,) the minimiser, or None if none was found.
-        exitflag: DAQP's; 1 means optimal, −1 infeasible.
-        multipliers: (n + m,) of the bounds, positive at upper ones.
-    """
-
-    x: Array | None
-    exitflag: int
-    multipliers: Array
+    x: Array | None  # (n,) the minimiser, or None if none was found
+    exitflag: int  # DAQP's; 1 means optimal, −1 infeasible
+    multipliers: Array  # (n + m,) of the bounds, positive at upper ones
 
 
 def solve(program: QuadraticProgram) -> Solution:

@@ -1,15 +1,21 @@
-"""What the controller is told about the robot: the way in, and nothing else.
+"""The controller's input: the state of the robot as one vector.
 
-A state travels as one vector: entering compiled code costs time per argument.
+Entering compiled code costs time per argument.
 """
+
+from typing import Any
 
 from hcbf_gym.arrays import Array, Mask
 
 STATE_SIZE = 41
 
 
+def _part(start: int, end: int, doc: str) -> Any:
+    return property(lambda self: self.vector[..., start:end], doc=doc)
+
+
 class RobotState:
-    """The estimate of the robot's state that sensors and an estimator would give.
+    """The robot's state, measured or estimated.
 
     Joints and feet are ordered FR, FL, RR, RL; the joints of a leg abad, hip, knee. The attributes
     are views of `vector`, along its last axis; the contacts are a copy.
@@ -23,35 +29,12 @@ class RobotState:
     def __init__(self, vector: Array) -> None:
         self.vector = vector
 
-    @property
-    def position(self) -> Array:
-        """(3,) trunk origin in the world [m]."""
-        return self.vector[..., :3]
-
-    @property
-    def quaternion(self) -> Array:
-        """(4,) orientation of the trunk, w first."""
-        return self.vector[..., 3:7]
-
-    @property
-    def joint_position(self) -> Array:
-        """(12,) [rad]."""
-        return self.vector[..., 7:19]
-
-    @property
-    def linear_velocity(self) -> Array:
-        """(3,) of the trunk origin, in the world's axes [m/s]."""
-        return self.vector[..., 19:22]
-
-    @property
-    def angular_velocity(self) -> Array:
-        """(3,) of the trunk, in its own axes [rad/s]."""
-        return self.vector[..., 22:25]
-
-    @property
-    def joint_velocity(self) -> Array:
-        """(12,) [rad/s]."""
-        return self.vector[..., 25:37]
+    position = _part(0, 3, "(3,) trunk origin in the world [m].")
+    quaternion = _part(3, 7, "(4,) orientation of the trunk, w first.")
+    joint_position = _part(7, 19, "(12,) [rad].")
+    linear_velocity = _part(19, 22, "(3,) of the trunk origin, in the world's axes [m/s].")
+    angular_velocity = _part(22, 25, "(3,) of the trunk, in its own axes [rad/s].")
+    joint_velocity = _part(25, 37, "(12,) [rad/s].")
 
     @property
     def foot_contact(self) -> Mask:

@@ -29,7 +29,7 @@ def import_jax(what: str) -> Any:
 
 
 def is_jax(value: object) -> bool:
-    """Tell whether `value` is an array that JAX made."""
+    """Return whether `value` is an array that JAX made."""
     jax = sys.modules.get("jax")
     made = jax is not None and isinstance(value, jax.Array)
     if made:

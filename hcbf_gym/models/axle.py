@@ -2,11 +2,11 @@ r"""A differential drive: an axle that moves along its heading, and the point be
 
 The axle p rolls along its heading e at the speed v and turns at the rate ω. The point p + ℓ e moves
 in any direction, at the velocity ``v e + ℓ ω e⊥``: it is the reduced-order model's, ``p̈ = u``. Over
-a period T an input u changes what the robot is told by
+a period T an input u changes what the robot is commanded by
 
 .. math:: v' = v + T\, e·u, \qquad ω' = ω + (T/ℓ)\, e_⊥·u,
 
-so that the axle accelerates by ``(e·u) e + v ω' e⊥``: along its heading as u says, across it as far
+so that the axle accelerates by ``(e·u) e + v ω' e⊥``: along its heading as u does, across it as far
 as it turns while it rolls. What limits a, v and ω is a rectangle of inputs along the heading.
 """
 
@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
 from hcbf_gym.errors import finite_float
 
 
@@ -23,7 +22,7 @@ class Axle(NamedTuple):
     """What limits a differential drive.
 
     Attributes:
-        look_ahead: ℓ, how far before the axle the point lies that follows the model [m].
+        look_ahead: ℓ, how far before the axle the point is that follows the model [m].
         forward: the greatest speed ahead and back, V [m/s].
         turn: the greatest turning rate, Ω [rad/s].
         braking: the greatest acceleration along the heading, A [m/s²]; across it the point has no
@@ -46,6 +45,11 @@ class Axle(NamedTuple):
         return self
 
     @property
+    def across(self) -> float:
+        """The greatest acceleration of the point across the heading, A⊥ [m/s²]."""
+        return _core.axle_across(self)
+
+    @property
     def hardest(self) -> float:
         """The greatest acceleration of the axle, along and across its heading [m/s²]."""
         return float(np.hypot(self.braking, self.forward * self.turn))
@@ -53,56 +57,22 @@ class Axle(NamedTuple):
     @property
     def hardest_of_point(self) -> float:
         """The greatest norm of an input [m/s²]."""
-        return float(np.hypot(self.braking, across(self)))
+        return float(np.hypot(self.braking, self.across))
 
     def jerk(self, period: float) -> float:
-        """Return by how much the mean acceleration over T may miss what its row says [m/s²].
+        """Return by how much the mean acceleration over T [s] may miss that of its row [m/s²].
 
         Rows take the turning rate that u changes for the present one in products with u: with
         ``Δ = min(A⊥ T/ℓ, 2 Ω)`` they miss ``A Δ T + V Δ² T/2``.
-
-        Args:
-            period: T [s].
         """
-        change = min(across(self) * period / self.look_ahead, 2.0 * self.turn)
+        change = min(self.across * period / self.look_ahead, 2.0 * self.turn)
         return (self.braking + 0.5 * self.forward * change) * change * period
 
     def strays(self, period: float) -> float:
-        """Return by how much h − m may be less than a row says at the end of a hold [m].
+        """Return by how much h − m may be less than its row promises at the end of a hold T [m].
 
-        The way strays from that of a constant mean acceleration by ``j T³/12``, with
+        The path strays from that of a constant mean acceleration by ``j T³/12``, with
         ``j = V Ω² + 2 A Ω``, and the mean acceleration from the row's by `jerk`.
-
-        Args:
-            period: T [s].
         """
         fastest = self.forward * self.turn**2 + 2.0 * self.braking * self.turn
         return fastest * period**3 / 12.0 + 0.5 * self.jerk(period) * period**2
-
-
-def across(axle: Axle) -> float:
-    """Return the greatest acceleration of the point across the heading, A⊥ [m/s²]."""
-    return _core.axle_across(axle)
-
-
-def speeds(axle: Axle, x: Array, heading: float) -> tuple[float, float]:
-    """Return v [m/s] and ω [rad/s] of the point's state x (4,)."""
-    return _core.axle_speeds(axle, x, heading)
-
-
-def place(axle: Axle, x: Array, heading: float, out: Array) -> None:
-    """Write position and velocity (4,) of the axle whose point has the state x (4,)."""
-    _core.axle_place(axle, x, heading, out)
-
-
-def corners(axle: Axle, x: Array, heading: float, period: float, out: Array) -> None:
-    """Write the corners (4, 2) of U at one state, counter-clockwise [m/s²].
-
-    Args:
-        axle: what limits the drive.
-        x: (4,) state of the point.
-        heading: of the axle [rad].
-        period: T [s]; 0 where it is not known.
-        out: (4, 2) written to.
-    """
-    _core.axle_corners(axle, x, heading, period, out)

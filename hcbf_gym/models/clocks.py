@@ -1,7 +1,6 @@
-"""Which ages of data are accepted: one law for filters, scans and the ROS node.
+"""Which ages of data are accepted, the present minus their stamp on one clock.
 
-The age of data is the present minus their stamp, on one clock. Two clocks are never one, so that
-a stamp may be ahead by `AHEAD`.
+Two clocks never agree, so that a stamp may be ahead by `AHEAD`.
 """
 
 import math
@@ -14,7 +13,7 @@ AHEAD = 0.1
 SEEN_FOR = 60.0
 """What was seen longer ago, or on another clock, is not accepted [s]."""
 ROUNDING = 1e-9
-"""By how much an age may seem to be another one [s]."""
+"""Of an age [s]."""
 
 
 def is_accepted(age: Any, oldest: float, ahead: float = AHEAD) -> Any:
@@ -28,8 +27,8 @@ def is_accepted(age: Any, oldest: float, ahead: float = AHEAD) -> Any:
     return np.isfinite(age) & (age >= -ahead - ROUNDING) & (age <= oldest + ROUNDING)
 
 
-def says(age: float, oldest: float, ahead: float = AHEAD) -> str:
-    """Return in words why an age is not accepted (`is_accepted`); "" where there is none."""
+def refusal(age: float, oldest: float, ahead: float = AHEAD) -> str:
+    """Return in words why an age is not accepted (`is_accepted`); "" where there is no age."""
     if not math.isfinite(age):
         return ""
     if age < 0.0:

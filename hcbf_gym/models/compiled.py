@@ -7,29 +7,18 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import UNREADABLE
-from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
-from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
+from hcbf_gym.models.reduced_order import BuiltIn, ReducedOrderModel
 
 
 def compiled(model: ReducedOrderModel) -> _core.Model:
     """Return a model for the core."""
-    if type(model) is SingleIntegrator:
-        return _core.SingleIntegrator(model.n)
-    if type(model) is DoubleIntegrator:
-        return _core.DoubleIntegrator(model.n_u, model.drag)
-    if type(model) is Unicycle:
-        return _core.Unicycle()
-    if type(model) is KinematicBicycle:
-        return _core.KinematicBicycle(model.rear)
+    if isinstance(model, BuiltIn) and model.is_own:
+        return model.core
     return _core.PythonModel(model.n, model.n_u, model.n_p, Answers(model))
 
 
 class Answers:
-    """What a model returns at N states; NaN at those where it fails.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-    """
+    """What a model ẋ = f(x) + g(x)u returns at N states; NaN at those where it fails."""
 
     def __init__(self, model: ReducedOrderModel) -> None:
         self._model, self._n, self._n_u = model, model.n, model.n_u
@@ -56,7 +45,7 @@ class Answers:
 
 
 def _each(
-    asked: Callable[..., tuple[Array, ...]],
+    function: Callable[..., tuple[Array, ...]],
     count: int,
     shapes: tuple[tuple[int, ...], ...],
     *at: Array,
@@ -64,7 +53,7 @@ def _each(
     """Return what a function of N states returns, in the given shapes; NaN where it fails."""
 
     def answers(*part: Array) -> Iterator[Array]:
-        for answer, shape in zip(asked(*part), shapes, strict=True):
+        for answer, shape in zip(function(*part), shapes, strict=True):
             numbers = np.ascontiguousarray(answer, dtype=np.float64)
             if numbers.shape != (len(part[0]), *shape):
                 raise ValueError(f"got shape {numbers.shape}")
@@ -75,5 +64,5 @@ def _each(
     except UNREADABLE:
         if count == 1:
             return tuple(np.full((1, *shape), np.nan) for shape in shapes)
-    parts = [_each(asked, 1, shapes, *(one[i : i + 1] for one in at)) for i in range(count)]
+    parts = [_each(function, 1, shapes, *(one[i : i + 1] for one in at)) for i in range(count)]
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True))

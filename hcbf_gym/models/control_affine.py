@@ -58,16 +58,14 @@ class ControlAffine(ReducedOrderModel):
         drift, inputs = _tried("f", f, probe), _tried("g", g, probe)
         finite_array("f(x)", drift, (self.n,))
         finite_array("g(x)", inputs, (self.n, self.n_u))
+        self._compiled_f = compile64(f) if is_jax(drift) else f
+        self._compiled_g = compile64(g) if is_jax(inputs) else g
         self._jacobian: Callable[..., Any] | None = None
-        self._compiled_f, self._compiled_g = f, g
-        if is_jax(drift):
-            self._compiled_f = compile64(f)
-            self._jacobian = compile64(import_jax("f").jacfwd(f))
-        if is_jax(inputs):
-            self._compiled_g = compile64(g)
         self._many: Callable[..., Any] | None = None
-        if is_jax(drift) and is_jax(inputs):
-            self._many = compile64(import_jax("f").vmap(lambda x: (f(x), g(x))))
+        if is_jax(drift):
+            self._jacobian = compile64(import_jax("f").jacfwd(f))
+            if is_jax(inputs):
+                self._many = compile64(import_jax("f").vmap(lambda x: (f(x), g(x))))
 
     def f(self, x: Any) -> Any:
         """Return (n,) the drift."""

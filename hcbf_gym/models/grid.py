@@ -1,4 +1,4 @@
-"""Square cells in the plane: where the cells of a map lie."""
+"""Square cells in the plane: the grid of a map."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -8,17 +8,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym import records
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import (
-    InvalidInputError,
-    check_options,
-    choose,
-    count,
-    finite_array,
-    finite_float,
-    reals,
-    shown,
-)
+from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, reals, shown
 
 
 def _entries(name: str, value: object, n: int) -> Array:
@@ -31,11 +23,6 @@ def _entries(name: str, value: object, n: int) -> Array:
     if numbers.shape != (n,):
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected ({n},)")
     return numbers
-
-
-def _frozen(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +51,9 @@ class Box:
             raise InvalidInputError(f"{got}, expected low < high")
         if (lower > 0.0).any() or (upper < 0.0).any():
             raise InvalidInputError(f"{got}, expected a set that contains the braking action 0")
-        object.__setattr__(self, "low", _frozen(lower))
-        object.__setattr__(self, "high", _frozen(upper))
+        for name, limits in (("low", lower), ("high", upper)):
+            limits.flags.writeable = False
+            object.__setattr__(self, name, limits)
 
     @classmethod
     def symmetric(cls, limit: float, n_u: int = 2) -> Self:
@@ -90,7 +78,7 @@ class Box:
         return np.vstack((identity, -identity)), np.concatenate((self.low, -self.high))
 
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
-        """Tell whether u (n_u,) lies in the set, or at most `tolerance` outside a limit."""
+        """Return whether u (n_u,) is in the set, or at most `tolerance` outside a limit."""
         tolerance = finite_float("tolerance", tolerance)
         inside = _entries("u", u, self.n_u).tolist()
         limits = zip(inside, self.low.tolist(), self.high.tolist(), strict=True)
@@ -121,9 +109,9 @@ class Box:
         factor = finite_float("factor", factor, minimum=0.0, exclusive=True)
         return Box(factor * self.low, factor * self.high)
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
-        return {"kind": "box", "low": self.low.tolist(), "high": self.high.tolist()}
+        return records.to_dict(self, _KINDS)
 
 
 @dataclass(frozen=True)
@@ -172,7 +160,7 @@ class Ball:
         return inward, below
 
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
-        """Tell whether u (2,) lies in the polygon, or at most `tolerance` outside a side."""
+        """Return whether u (2,) is in the polygon, or at most `tolerance` outside a side."""
         a, b = self._halfspaces
         tolerance = finite_float("tolerance", tolerance)
         return bool((a @ _entries("u", u, 2) >= b - tolerance).all())
@@ -197,9 +185,9 @@ class Ball:
         factor = finite_float("factor", factor, minimum=0.0, exclusive=True)
         return Ball(factor * self.radius, self.sides)
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Return a plain dict that JSON can hold and :func:`from_dict` reads."""
-        return {"kind": "ball", "radius": self.radius, "sides": self.sides}
+        return records.to_dict(self, _KINDS)
 
 
 InputSet = Box | Ball
@@ -226,6 +214,9 @@ def read(name: str, value: Any) -> InputSet:
     return Box(low, high)
 
 
+_KINDS: dict[str, type] = {"box": Box, "ball": Ball}
+
+
 def from_dict(fields: Mapping[str, Any]) -> InputSet:
     """Return the input set that :meth:`Box.to_dict` or :meth:`Ball.to_dict` described.
 
@@ -233,13 +224,4 @@ def from_dict(fields: Mapping[str, Any]) -> InputSet:
         UnknownNameError: if `kind` is neither "box" nor "ball".
         InvalidInputError: on missing, unknown or malformed fields.
     """
-    if not isinstance(fields, Mapping) or "kind" not in fields:
-        raise InvalidInputError(f"input set: got {shown(fields)}, expected a dict with a 'kind'")
-    kind = choose("kind of input set", fields["kind"], {"box": Box, "ball": Ball})
-    arguments = {name: value for name, value in fields.items() if name != "kind"}
-    required, optional = (("low", "high"), ()) if kind is Box else (("radius",), ("sides",))
-    check_options("input set", arguments, (*required, *optional))
-    missing = [name for name in required if name not in arguments]
-    if missing:
-        raise InvalidInputError(f"input set: {missing} is missing, expected {list(required)}")
-    return kind(**arguments)
+    return records.from_dict("input set", fields, _KINDS)

@@ -26,25 +26,25 @@ Reader = Callable[[Any, Any, Info], Any]
 
 
 class Reason(IntEnum):
-    """Why a filter brakes or has raised an alarm, and `says` in words; 0 where there is none.
+    """Why a filter brakes or has raised an alarm, and its `text`; 0 where there is none.
 
     Below `FIRST_ALARM` the filter brakes for as long as the reason lasts. From there on they are
     alarms: the plant is not the one that was declared. They last until the next reset; MOVES, a
     reason of the world, is decided at every step.
     """
 
-    says: str
+    text: str
 
-    def __new__(cls, value: int, says: str) -> "Reason":
-        """Return the reason of a number, which is what counts of it."""
+    def __new__(cls, value: int, text: str) -> "Reason":
+        """Return the reason of a number."""
         reason = int.__new__(cls, value)
-        reason._value_, reason.says = value, says
+        reason._value_, reason.text = value, text
         return reason
 
     NONE = 0, ""
     STATE = (
         1,
-        "the state is not finite, farther away than anything is, or of another shape than the "
+        "the state is not finite, farther away than any place, or of another shape than the "
         "model's, or a differential drive's heading is missing",
     )
     AGE = (
@@ -52,7 +52,7 @@ class Reason(IntEnum):
         "the stamp of the state is older than the plant's max_age or more than 0.1 s ahead of the "
         "clock, or that of a scan is not of this clock",
     )
-    CLOCK = 3, "the time of the state does not go on"
+    CLOCK = 3, "the time of the state does not advance"
     BARRIERS = (
         4,
         "the barriers, or the rows that they become, are not finite or not barriers",
@@ -66,7 +66,7 @@ class Reason(IntEnum):
     )
     MOTION = (
         8,
-        "the position does not move as the velocity says: expected both of one robot, at one time, "
+        "the position does not move by the velocity: expected both of one robot, at one time, "
         "in one frame and unit, and a period that is the time of a step",
     )
     SLIP = 9, "the robot's feet slide more than on the declared floor"
@@ -74,7 +74,7 @@ class Reason(IntEnum):
     LIFT = 11, "the robot's legs carry more or less than the declared load and motors"
     RESPONSE = (
         12,
-        "the robot does not do what it is told: expected it to follow as its response was "
+        "the robot does not do what it is commanded: expected it to follow as its response was "
         "measured, or within 0.4 s where it was not, on the declared floor, and odometry of that "
         "robot that is up to date",
     )
@@ -110,12 +110,12 @@ class Coverage(IntEnum):
 class CoveredBy(IntEnum):
     """Why `covered` is not 1; 0 where it is.
 
-    UNKNOWN: no certificate speaks of the plant. ARGUMENT: an argument of the environment leaves
-    what was tested. VERSION: this is a development version, or another one than was tested.
-    CERTIFICATE: the certificate that the filter was given is of another plant. PLANT: the filter's
-    plant is not the environment's. FILTER: an argument of the filter leaves what was tested.
-    INPUTS: U cannot do what rows, regions and the speed limit ask for. SCENE: the family of the
-    scene was not tested. CHANGED: the scene changed within the episode.
+    UNKNOWN: no certificate is of the plant. ARGUMENT: an argument of the environment leaves what
+    was tested. VERSION: this is a development version, or another one than was tested. CERTIFICATE:
+    the certificate that the filter was given is of another plant. PLANT: the filter's plant is not
+    the environment's. FILTER: an argument of the filter leaves what was tested. INPUTS: U cannot do
+    what rows, regions and the speed limit request. SCENE: the family of the scene was not tested.
+    CHANGED: the scene changed within the episode.
     """
 
     NONE = 0
@@ -161,7 +161,7 @@ class Estimate(NamedTuple):
 class Uncertainty(NamedTuple):
     """What a plant does beside its reduced-order model: what the derived margin follows from.
 
-    `barriers.margins` has the formula of these numbers, for every model. A filter refuses
+    `docs/guarantees.md` has the formula of these numbers, for every model. A filter refuses
     `per_velocity` of a model whose velocity is the input, and what a speed limit reserves of a
     model without one.
 
@@ -199,9 +199,9 @@ class Plant:
 
     Readers are functions of the unwrapped environment, the latest observation and the latest info.
     All are read at every step, goal and extent where guidance leads; that of `declared` where a
-    certificate is compared. One that raises at the first reset raises to the user; later the plant
-    brakes. Positions may be those of a survey, such as UTM's: where a plant starts far away, they
-    count from there. What a vector's infos do not report is NaN for its readers.
+    certificate is compared. An error at the first reset is raised; later the plant brakes.
+    Positions may be those of a survey, such as UTM's: where a plant starts far away, they count
+    from there. What a vector's infos do not report is NaN for its readers.
 
     Args:
         model: ẋ = f(x) + g(x)u.
@@ -222,11 +222,11 @@ class Plant:
         uncertainty: how far the plant may be from its model; the default is an exact model.
         brake: u (n_u,) that brings the plant to rest, or a function of its state x (n,) that
             returns it; None takes the model's own, `ReducedOrderModel.brake`. The filter applies
-            it where it knows nothing, and after an alarm that makes it brake.
-        max_age: the greatest age of a state that is believed [s]; None believes any.
+            it where no state is valid, and after an alarm that makes it brake.
+        max_age: the greatest age of a state that is accepted [s]; None accepts any.
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
-        covered: a `Coverage`, a `certificates.Judged` that says why, or a reader of either. Within
-            an episode it may end, and not begin.
+        covered: a `Coverage`, a `certificates.Judged` with its reasons, or a reader of either.
+            Within an episode it may end, and not begin.
         axle: what limits a differential drive, whose x is that of the point before its axle, at
             ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
         braking: deceleration with which the body stops from its greatest speed, by how much later
@@ -276,14 +276,10 @@ class Plant:
             raise InvalidInputError(
                 "plant: one of to_action and from_action is missing, expected both or none"
             )
-        if self.period is not None:
-            finite_float("plant: period", self.period, minimum=0.0, exclusive=True)
-        if self.max_age is not None:
-            finite_float("plant: max_age", self.max_age, minimum=0.0)
-        if self.braking is not None:
-            finite_float("plant: braking", self.braking, minimum=0.0, exclusive=True)
-        if self.fastest is not None:
-            finite_float("plant: fastest", self.fastest, minimum=0.0, exclusive=True)
+        for name in ("period", "max_age", "braking", "fastest"):
+            given = getattr(self, name)
+            if given is not None:
+                finite_float(f"plant: {name}", given, minimum=0.0, exclusive=name != "max_age")
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
         for name, axes in (("goal", (2,)), ("extent", (2, 2))):  # of one plant, or of N
@@ -309,10 +305,10 @@ class Plant:
             finite_float(f"plant: uncertainty: {name}", value, minimum=0.0)
 
     def __deepcopy__(self, memo: dict[int, object]) -> "Plant":
-        """Return this record, which never changes; its readers may hold a whole environment."""
+        """Return this record: it never changes, and its readers may hold a whole environment."""
         return self
 
 
 def read(source: Any, env: Any, observation: Any, info: Info) -> Any:
-    """Return what a field of a plant says now: the value itself, or what its reader returns."""
+    """Return what a field of a plant is now: the value itself, or what its reader returns."""
     return source(env, observation, info) if callable(source) else source

@@ -6,6 +6,7 @@ JAX arrays while `barriers.Function` differentiates through them.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,35 @@ class ReducedOrderModel(ABC):
             )
         return f, g
 
+    def f_jacobian(self, x: Array) -> Array:
+        """Return (n, n) ∂f/∂x, by central differences unless a model has its own."""
+        sizes = 6e-6 * (1.0 + np.abs(x))
+        steps = np.diag(sizes)
+        ahead = np.array([self.f(state) for state in x + steps])
+        behind = np.array([self.f(state) for state in x - steps])
+        return ((ahead - behind) / (2.0 * sizes)[:, None]).T
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
+
+        def rate(state: Array) -> Array:
+            return self.f(state) + self.g(state) @ u
+
+        k1 = rate(x)
+        k2 = rate(x + 0.5 * dt * k1)
+        k3 = rate(x + 0.5 * dt * k2)
+        k4 = rate(x + dt * k3)
+        return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+    def brake(self, x: Array, dt: float) -> Array:
+        """Return (n_u,) the input that brings the plant to rest within dt [s]: 0 unless it coasts.
+
+        Args:
+            x: (n,) state.
+            dt: [s].
+        """
+        return np.zeros(self.n_u)
+
     def terms_of(self, x: Array) -> tuple[Array, Array]:
         """Return f (N, n) and g (N, n, n_u) at N states x (N, n); see `terms`."""
         each = [self.terms(state) for state in x]
@@ -83,34 +113,67 @@ class ReducedOrderModel(ABC):
             return np.zeros((len(x), self.n_u))
         return np.array([self.brake(state, dt) for state in x])
 
+
+class BuiltIn(ReducedOrderModel):
+    """A model that the core evaluates; a class derived from one is evaluated by its own methods."""
+
+    @abstractmethod
+    def _make_core(self) -> _core.Model:
+        """Return the model of the core."""
+
+    @abstractmethod
+    def _traced(self, x: Any) -> tuple[Any, Any]:
+        """Return f and g while JAX traces them."""
+
+    @cached_property
+    def core(self) -> _core.Model:
+        """The model of the core."""
+        return self._make_core()
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the class is built in itself."""
+        return BuiltIn in type(self).__bases__
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields alone: compiled objects are not copied."""
+        return {name: value for name, value in vars(self).items() if name != "core"}
+
+    def f(self, x: Any) -> Any:
+        """Return (n,) the drift."""
+        return self.core.terms(x[None])[0][0] if type(x) is np.ndarray else self._traced(x)[0]
+
+    def g(self, x: Any) -> Any:
+        """Return (n, n_u) the input matrix."""
+        return self.core.terms(x[None])[1][0] if type(x) is np.ndarray else self._traced(x)[1]
+
     def f_jacobian(self, x: Array) -> Array:
-        """Return (n, n) ∂f/∂x, by central differences unless a model knows better."""
-        sizes = 6e-6 * (1.0 + np.abs(x))
-        steps = np.diag(sizes)
-        ahead = np.array([self.f(state) for state in x + steps])
-        behind = np.array([self.f(state) for state in x - steps])
-        return ((ahead - behind) / (2.0 * sizes)[:, None]).T
-
-    def brake(self, x: Array, dt: float) -> Array:
-        """Return (n_u,) the input that brings the plant to rest within dt [s]: 0 unless it coasts.
-
-        Args:
-            x: (n,) state.
-            dt: [s].
-        """
-        return np.zeros(self.n_u)
+        """Return (n, n) ∂f/∂x."""
+        return self.core.jacobians(x[None])[0]
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
-        """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
+        """Advance x (n,) by dt [s] under a constant u (n_u,)."""
+        return self.steps_of(x[None], u[None], dt)[0] if self.is_own else super().step(x, u, dt)
 
-        def rate(state: Array) -> Array:
-            return self.f(state) + self.g(state) @ u
+    def brake(self, x: Array, dt: float) -> Array:
+        """Return (n_u,) the input that brings the plant to rest within dt [s]."""
+        return self.core.brakes(x[None], dt)[0]
 
-        k1 = rate(x)
-        k2 = rate(x + 0.5 * dt * k1)
-        k3 = rate(x + 0.5 * dt * k2)
-        k4 = rate(x + dt * k3)
-        return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    def terms_of(self, x: Array) -> tuple[Array, Array]:
+        """Return f (N, n) and g (N, n, n_u) at N states x (N, n)."""
+        return self.core.terms(x) if self.is_own else super().terms_of(x)
+
+    def jacobians_of(self, x: Array) -> Array:
+        """Return ∂f/∂x (N, n, n) at N states x (N, n)."""
+        return self.core.jacobians(x) if self.is_own else super().jacobians_of(x)
+
+    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
+        """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
+        return self.core.steps(x, u, dt) if self.is_own else super().steps_of(x, u, dt)
+
+    def brakes_of(self, x: Array, dt: float) -> Array:
+        """Return (N, n_u) the inputs that bring N states x (N, n) to rest."""
+        return self.core.brakes(x, dt) if self.is_own else super().brakes_of(x, dt)
 
 
 def namespace(x: Any) -> Any:
@@ -119,7 +182,7 @@ def namespace(x: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class SingleIntegrator(ReducedOrderModel):
+class SingleIntegrator(BuiltIn):
     """A point whose velocity is the input, ``ẋ = u``; an arm driven by joint velocities.
 
     Args:
@@ -141,36 +204,15 @@ class SingleIntegrator(ReducedOrderModel):
         """How many states are the position: all."""
         return self.n
 
-    def f(self, x: Any) -> Any:
-        """Return (n,) the drift, 0."""
-        return 0.0 * x
+    def _make_core(self) -> _core.Model:
+        return _core.SingleIntegrator(self.n)
 
-    def g(self, x: Any) -> Any:
-        """Return (n, n_u) the identity."""
-        return namespace(x).eye(self.n)
-
-    def terms_of(self, x: Array) -> tuple[Array, Array]:
-        """Return f (N, n) and g (N, n, n) at N states x (N, n)."""
-        if type(self) is not SingleIntegrator:
-            return super().terms_of(x)
-        return np.zeros(x.shape), _repeated(np.eye(self.n), len(x))
-
-    def f_jacobian(self, x: Array) -> Array:
-        """Return (n, n) ∂f/∂x."""
-        return np.zeros((self.n, self.n))
-
-    def step(self, x: Array, u: Array, dt: float) -> Array:
-        """Return (n,) the state after `dt` [s] under a held u, ``x + u dt``."""
-        return x + dt * u
-
-    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
-        """Advance N states x (N, n) by dt [s] under constant inputs u (N, n)."""
-        own = type(self) is SingleIntegrator
-        return x + dt * u if own else super().steps_of(x, u, dt)
+    def _traced(self, x: Any) -> tuple[Any, Any]:
+        return 0.0 * x, namespace(x).eye(self.n)
 
 
 @dataclass(frozen=True)
-class DoubleIntegrator(ReducedOrderModel):
+class DoubleIntegrator(BuiltIn):
     """A point whose acceleration is the input, ``p̈ = u − c ṗ``: x = (p, v), u [m/s²].
 
     Args:
@@ -198,84 +240,10 @@ class DoubleIntegrator(ReducedOrderModel):
         """How many states, from the first on, are the position."""
         return self.n_u
 
-    def f(self, x: Any) -> Any:
-        """Return (n,) the drift (v, −c v)."""
-        if type(x) is np.ndarray:
-            return self._drifts(x[None])[0]
-        velocity = x[self.n_u :]
-        return namespace(x).concatenate([velocity, -self.drag * velocity])
+    def _make_core(self) -> _core.Model:
+        return _core.DoubleIntegrator(self.n_u, self.drag)
 
-    def g(self, x: Any) -> Any:
-        """Return (n, n_u) the input matrix."""
-        return namespace(x).eye(self.n, self.n_u, k=-self.n_u)
-
-    def terms_of(self, x: Array) -> tuple[Array, Array]:
-        """Return f (N, n) and g (N, n, n_u) at N states x (N, n)."""
-        if type(self) is not DoubleIntegrator:
-            return super().terms_of(x)
-        driven = np.eye(self.n, self.n_u, k=-self.n_u)
-        return self._drifts(x), _repeated(driven, len(x))
-
-    def brake(self, x: Array, dt: float) -> Array:
-        """Return (n_u,) the input after which v is 0, ``c v − v/dt`` [m/s²]."""
-        return (self.drag - 1.0 / dt) * x[self.n_u :]
-
-    def brakes_of(self, x: Array, dt: float) -> Array:
-        """Return (N, n_u) the inputs after which v of N states x (N, n) is 0."""
-        own = type(self) is DoubleIntegrator
-        return (self.drag - 1.0 / dt) * x[:, self.n_u :] if own else super().brakes_of(x, dt)
-
-    def f_jacobian(self, x: Array) -> Array:
-        """Return (n, n) ∂f/∂x."""
-        jacobian = np.eye(self.n, k=self.n_u)
-        np.fill_diagonal(jacobian[self.n_u :, self.n_u :], -self.drag)
-        return jacobian
-
-    def jacobians_of(self, x: Array) -> Array:
-        """Return ∂f/∂x (N, n, n) at N states x (N, n)."""
-        if type(self) is not DoubleIntegrator:
-            return super().jacobians_of(x)
-        return _repeated(self.f_jacobian(x[:1]), len(x))
-
-    def step(self, x: Array, u: Array, dt: float) -> Array:
-        """Advance x (n,) by dt [s] under a constant u (n_u,): one Runge–Kutta step, 4th order."""
-        own = type(self) is DoubleIntegrator
-        return self.steps_of(x[None], u[None], dt)[0] if own else super().step(x, u, dt)
-
-    def steps_of(self, x: Array, u: Array, dt: float) -> Array:
-        """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
-        if type(self) is not DoubleIntegrator:
-            return super().steps_of(x, u, dt)
-        after = np.empty(x.shape)
-        _core.damped_steps(x, u, dt, self.drag, after)
-        return after
-
-    def _drifts(self, x: Array) -> Array:
-        """Return (N, n) the drifts at N states."""
-        f = np.empty(x.shape)
-        _core.damped_drifts(x, self.drag, f)
-        return f
-
-
-def _repeated(matrix: Array, count: int) -> Array:
-    """Return a matrix N times."""
-    return np.repeat(matrix[None], count, axis=0)
-
-
-def double_integrator_step(
-    x: Array, u: Array, dt: float, v_max: float
-) -> tuple[float, float, float, float]:
-    """Advance the double integrator exactly under constant u, its speed capped at v_max.
-
-    ``v' = v + u dt`` (scaled back to v_max where it exceeds it), ``p' = p + (v + v') dt / 2``
-
-    Args:
-        x: (4,) p [m] and v [m/s].
-        u: (2,) acceleration [m/s²].
-        dt: [s].
-        v_max: [m/s]; infinity for none.
-
-    Returns:
-        p_x, p_y [m], v_x, v_y [m/s] after dt.
-    """
-    return _core.double_integrator_step(x, u, dt, v_max)
+    def _traced(self, x: Any) -> tuple[Any, Any]:
+        xp, velocity = namespace(x), x[self.n_u :]
+        inputs = xp.eye(self.n, self.n_u, k=-self.n_u)
+        return xp.concatenate([velocity, -self.drag * velocity]), inputs

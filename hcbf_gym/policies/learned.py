@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from hcbf_gym.arrays import Array, Info
 from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, reals, text
 from hcbf_gym.records import whole
 
+_FOLDER = Path(__file__).parent / "baselines"
 CLIP = 10.0
 """Normalised observations are cut here, as in training."""
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
@@ -82,16 +82,11 @@ class LearnedPolicy:
 
 def names() -> list[str]:
     """Return the names of the policies that come with the package."""
-    folder = resources.files("hcbf_gym") / "policies" / "baselines"
-    return sorted(f.name[: -len(".npz")] for f in folder.iterdir() if f.name.endswith(".npz"))
+    return sorted(file.stem for file in _FOLDER.glob("*.npz"))
 
 
 def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy:
-    """Return a learned policy for an environment.
-
-    Args:
-        name: one of `names()`, or a path to an .npz file.
-        env: the environment that it is to act in, single or vector.
+    """Return a learned policy, one of `names()` or an .npz file, for an environment.
 
     Raises:
         UnknownNameError: if there is neither such a policy nor such a file.
@@ -108,11 +103,7 @@ def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy
 
 
 def file_of(name: str | Path) -> Path:
-    """Return the file of a learned policy.
-
-    Raises:
-        UnknownNameError: if there is no such policy.
-    """
+    """Return the file of a learned policy."""
     path = Path(text("policy", name))
     if path.suffix == ".npz":
         return path
@@ -120,17 +111,13 @@ def file_of(name: str | Path) -> Path:
         raise UnknownNameError(
             f"unknown policy: got {str(name)!r}, expected one of {names()}, or an .npz file"
         )
-    return _baseline(str(name))
+    return _FOLDER / f"{name}.npz"
 
 
 def fitting(env: gym.Env | gym.vector.VectorEnv) -> list[str]:
     """Return the names of the package's policies that were trained for an environment's shape."""
     shape = _observed(env)
-    return [name for name in names() if read(_baseline(name)).mean.shape == shape]
-
-
-def _baseline(name: str) -> Path:
-    return Path(str(resources.files("hcbf_gym") / "policies" / "baselines" / f"{name}.npz"))
+    return [name for name in names() if read(file_of(name)).mean.shape == shape]
 
 
 def _observed(env: gym.Env | gym.vector.VectorEnv) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""Policies by what one types: a name, a function of one's own, or the file of a trained network."""
+"""Policies by name, by a user's function, or by the file of a trained network."""
 
 import importlib
 import inspect
@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -31,14 +31,14 @@ from hcbf_gym.policies.pd import PDTracker, Policy
 Make = Callable[[gym.Env], Policy]
 _NAMED: dict[str, Make] = {}
 FORMS = "file.py:function, module:function, model.zip, policy.onnx or policy.pt"
-"""How a policy of one's own is named."""
+"""The forms of a user's policy."""
 
 
 def register(name: str, make: Make) -> None:
-    """Name a policy, as `hcbf evaluate --policy` and `make` take it.
+    """Name a policy for `hcbf evaluate --policy` and `make`.
 
     Args:
-        name: without colon and dot, which names of files and functions have.
+        name: without colon, dot and slash, which names of files and functions have.
         make: (environment) → the policy of one episode in it.
 
     Raises:
@@ -63,12 +63,12 @@ def names() -> list[str]:
 def make(name: str, env: gym.Env) -> Policy:
     """Return a policy for one episode in an environment.
 
-    A function is called as (observation, info) → action; of a class without arguments every
-    episode gets an instance of its own, which is called so. A zip is what ``model.save`` of
-    Stable-Baselines3 wrote, whose actions are stretched from the range that it learned in to the
-    environment's; an ONNX file or a torch module maps an observation to an action, which is cut to
-    the environment's range. Zips and torch files hold pickles, which run code: take them from those
-    whom you trust.
+    A function is called as (observation, info) → action; a class without arguments is constructed
+    A function is called as (observation, info) → action; a class without arguments is constructed
+    for every episode. A zip is from ``model.save`` of Stable-Baselines3, its actions stretched from
+    the range that it learned in to the environment's; an ONNX file or a torch module maps an
+    observation to an action, which is cut to the environment's range. Zips and torch files hold
+    pickles, which run code: take them only from sources that you trust.
 
     Args:
         name: one of `names()`, an .npz file, or one of `FORMS`.
@@ -76,7 +76,7 @@ def make(name: str, env: gym.Env) -> Policy:
 
     Raises:
         UnknownNameError: if there is no such policy; the message lists those that are.
-        MissingDependencyError: if what reads the file is not installed.
+        MissingDependencyError: if the file's reader is not installed.
         InvalidInputError: if the file or function is none, or of other spaces.
     """
     check(name)
@@ -91,14 +91,15 @@ def make(name: str, env: gym.Env) -> Policy:
     reader = _READERS.get(Path(name).suffix)
     if reader is None:
         return learned.load(name, env)
-    return reader(Path(name), _Spaces.of(name, env))
+    if not isinstance(env.action_space, spaces.Box):
+        raise InvalidInputError(
+            f"policy {name!r}: got the action space {env.action_space}, expected a Box"
+        )
+    return reader(Path(name), env.observation_space, env.action_space)
 
 
 def check(name: str) -> None:
-    """Refuse what no policy is called, without an environment.
-
-    Args:
-        name: as `make` takes it.
+    """Refuse a name that `make` does not take, without an environment.
 
     Raises:
         UnknownNameError: if there is no such policy; the message lists those that are.
@@ -123,19 +124,14 @@ def is_own(name: str) -> bool:
 
 
 def files(name: str) -> list[Path]:
-    """Return the user's files that decide what a policy does; none of one that comes along."""
+    """Return the user's files that decide what a policy does; none for the package's own."""
     if loading.is_function(name):
         return loading.files(name)
     return [Path(name)] if Path(name).is_file() else []
 
 
 def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
-    """Return a policy's answer to the first observation, and refuse what is no action.
-
-    Args:
-        name: as `make` takes it.
-        env: is reset.
-        seed: of the reset.
+    """Return a policy's action on the first observation after a reset by a seed.
 
     Raises:
         HcbfError: as `make` does.
@@ -148,17 +144,16 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
     observation, info = env.reset(seed=seed)
     try:
         action = policy(observation, info)
-    except Exception as error:  # whatever a user's policy raises
-        said = str(error).strip().partition("\n")[0]
+    except Exception as error:  # of the user's policy
         raise InvalidInputError(
-            f"policy {name!r}: got {type(error).__name__}: {said} for an observation of shape "
+            f"policy {name!r}: got {_first_line(error)} for an observation of shape "
             f"{_shape(env.observation_space)}, expected an action"
         ) from error
-    array, wanted = as_array(f"policy {name!r}: action", action), env.action_space.shape
-    if array.dtype.kind not in "fiu" or array.shape != wanted:
+    array, shape = as_array(f"policy {name!r}: action", action), env.action_space.shape
+    if array.dtype.kind not in "fiu" or array.shape != shape:
         raise InvalidInputError(
             f"policy {name!r}: got an action of shape {array.shape} and type {array.dtype}, "
-            f"expected real numbers of shape {wanted}"
+            f"expected real numbers of shape {shape}"
         )
     if not np.isfinite(array).all():
         raise InvalidInputError(
@@ -175,51 +170,31 @@ def _shape(space: gym.Space) -> Any:
     return space.shape if isinstance(space, spaces.Box) else space
 
 
-class _Spaces(NamedTuple):
-    """The spaces of an environment that a network has to fit."""
-
-    observation: gym.Space
-    action: spaces.Box
-
-    @classmethod
-    def of(cls, name: str, env: gym.Env) -> "_Spaces":
-        """Return them.
-
-        Raises:
-            InvalidInputError: if the actions are no Box.
-        """
-        action = env.action_space
-        if not isinstance(action, spaces.Box):
-            raise InvalidInputError(
-                f"policy {name!r}: got the action space {action}, expected a Box"
-            )
-        return cls(env.observation_space, action)
-
-    def box(self, path: Path) -> tuple[int, ...]:
-        """Return the shape of the observations, which have to be arrays.
-
-        Raises:
-            InvalidInputError: if they are none.
-        """
-        if isinstance(self.observation, spaces.Box):
-            return self.observation.shape
-        raise InvalidInputError(
-            f"policy {path.name}: got the observation space {self.observation}, expected a Box: "
-            "such a file maps one array to an action; a zip of Stable-Baselines3 takes a Dict, "
-            "gymnasium.wrappers.FlattenObservation makes a Box"
-        )
+def _first_line(error: Exception) -> str:
+    """Return the type and the first line of an error."""
+    return f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
 
 
-def _of_onnx(path: Path, fits: _Spaces) -> Policy:
-    network = loading.Network(path, (fits.box(path)[0], fits.action.shape[0]))
-    low, high = fits.action.low, fits.action.high
-    return lambda observation, info: np.clip(network(observation), low, high)
+def _check_box(path: Path, space: gym.Space) -> tuple[int, ...]:
+    """Return the shape of observations, which have to be arrays."""
+    if isinstance(space, spaces.Box):
+        return space.shape
+    raise InvalidInputError(
+        f"policy {path.name}: got the observation space {space}, expected a Box: such a file maps "
+        "one array to an action; a zip of Stable-Baselines3 takes a Dict, "
+        "gymnasium.wrappers.FlattenObservation makes a Box"
+    )
 
 
-def _of_torch(path: Path, fits: _Spaces) -> Policy:
+def _of_onnx(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
+    network = loading.Network(path, (_check_box(path, seen)[0], actions.shape[0]))
+    return lambda observation, info: np.clip(network(observation), actions.low, actions.high)
+
+
+def _of_torch(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
     """Return the policy of a torch module that was saved whole, or as TorchScript."""
     require(f"policy {path.name}", "rl", "torch")
-    fits.box(path)
+    _check_box(path, seen)
     torch: Any = importlib.import_module("torch")
     expected = "expected a module: torch.save(module, path), or torch.jit.script(module).save(path)"
     with warnings.catch_warnings():
@@ -229,9 +204,9 @@ def _of_torch(path: Path, fits: _Spaces) -> Policy:
         except RuntimeError:  # no TorchScript
             try:
                 module = torch.load(path, map_location="cpu", weights_only=False)
-            except Exception as error:  # whatever unpickling raises
+            except Exception as error:  # of unpickling
                 raise InvalidInputError(
-                    f"policy: got {str(path)!r} ({type(error).__name__}: {error}), {expected}"
+                    f"policy: got {str(path)!r} ({_first_line(error)}), {expected}"
                 ) from error
     if not isinstance(module, torch.nn.Module):
         kind = "a state_dict, which has no network" if isinstance(module, dict) else repr(module)
@@ -241,13 +216,13 @@ def _of_torch(path: Path, fits: _Spaces) -> Policy:
 
     def act(observation: Array, info: Info) -> NDArray[Any]:
         with torch.no_grad():
-            seen = torch.as_tensor(np.asarray(observation), dtype=dtype)
-            return np.clip(module(seen[None])[0].numpy(), fits.action.low, fits.action.high)
+            given = torch.as_tensor(np.asarray(observation), dtype=dtype)
+            return np.clip(module(given[None])[0].numpy(), actions.low, actions.high)
 
     return act
 
 
-def _of_stable_baselines(path: Path, fits: _Spaces) -> Policy:
+def _of_stable_baselines(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
     """Return the policy of a zip that ``model.save`` wrote, with actions in the right range."""
     require(f"policy {path.name}", "rl", "stable_baselines3")
     sb3: Any = importlib.import_module("stable_baselines3")
@@ -260,20 +235,18 @@ def _of_stable_baselines(path: Path, fits: _Spaces) -> Policy:
         if not fitting:
             raise TypeError(f"holds a {kind.__name__}")
         model = fitting[0].load(path, device="cpu")
-    except Exception as error:  # whatever unzipping and unpickling raise
-        said = str(error).strip().partition("\n")[0]
+    except Exception as error:  # of unzipping and unpickling
         raise InvalidInputError(
-            f"policy: got {str(path)!r} ({type(error).__name__}: {said}), {expected}"
+            f"policy: got {str(path)!r} ({_first_line(error)}), {expected}"
         ) from error
-    seen, given = _shape(model.observation_space), model.action_space.shape
-    expected_seen = _shape(fits.observation)
-    if (seen, given) != (expected_seen, fits.action.shape):
+    got = _shape(model.observation_space), model.action_space.shape
+    fitted = _shape(seen), actions.shape
+    if got != fitted:
         raise InvalidInputError(
-            f"policy: got a model of observations of shape {seen} and actions of shape {given} in "
-            f"{path.name}, expected {expected_seen} and {fits.action.shape}, as the environment "
-            "has them"
+            f"policy: got a model of observations of shape {got[0]} and actions of shape {got[1]} "
+            f"in {path.name}, expected {fitted[0]} and {fitted[1]} of the environment"
         )
-    low, high = fits.action.low, fits.action.high
+    low, high = actions.low, actions.high
     least, most = model.action_space.low, model.action_space.high
     same = np.array_equal(low, least) and np.array_equal(high, most)
     stretch = (high - low) / (most - least).astype(np.float64)
@@ -285,12 +258,12 @@ def _of_stable_baselines(path: Path, fits: _Spaces) -> Policy:
     return act
 
 
-_READERS: dict[str, Callable[[Path, _Spaces], Policy]] = {
+_READERS: dict[str, Callable[[Path, gym.Space, spaces.Box], Policy]] = {
     ".zip": _of_stable_baselines,
     ".onnx": _of_onnx,
     ".pt": _of_torch,
 }
-"""Ending → what reads such a file."""
+"""Ending → reader of such a file."""
 
 register("pd", PDTracker.for_env)
 register("pd-ff", partial(PDTracker.for_env, feed_forward=True))

@@ -1,4 +1,4 @@
-"""The paper's feedback controller, and what every policy is called as."""
+"""The paper's feedback controller, and the protocol of policies."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -25,14 +25,7 @@ KP, KD = 2.0, 3.0
 
 
 def pd_law(position_error: Array, velocity_error: Array, kp: float = KP, kd: float = KD) -> Array:
-    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²].
-
-    Args:
-        position_error: (…, 2) p_ref − p [m].
-        velocity_error: (…, 2) v_ref − v [m/s].
-        kp: K_p [1/s²].
-        kd: K_d [1/s].
-    """
+    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²] of errors in [m], [m/s]."""
     return kp * position_error + kd * velocity_error
 
 
@@ -40,8 +33,7 @@ def pd_law(position_error: Array, velocity_error: Array, kp: float = KP, kd: flo
 class PDTracker:
     """The paper's feedback controller, ``u* = K_p (p_ref − p) + K_d (v_ref − v)``.
 
-    Works on one observation or on a batch, as all it reads stands at fixed places of the
-    observation.
+    It takes one observation or a batch.
 
     Args:
         low: (2,) least acceleration [m/s²].
@@ -103,11 +95,7 @@ _CHANGE_OBSERVATIONS = (gym.ObservationWrapper, gym.vector.VectorObservationWrap
 
 
 def _read_space(env: Any) -> spaces.Space:
-    """Return the space of one environment's actions.
-
-    Raises:
-        InvalidInputError: if a wrapper stands between that makes other actions or observations.
-    """
+    """Return the space of one environment's actions; refuse wrappers that change spaces."""
     inner = instance("env", env, gym.Env, gym.vector.VectorEnv).unwrapped
     while env is not inner:
         same_spaces = all(

@@ -8,7 +8,7 @@ from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import Box, InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_report, equivalent_offset
 from hcbf_gym.programs.general import GeneralProgram
-from hcbf_gym.programs.planar.program import BatchProgram, PlanarProgram
+from hcbf_gym.programs.planar import BatchProgram, PlanarProgram
 from hcbf_gym.programs.plans import Named, Plan, names, plain, plan_of, register
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program
@@ -58,7 +58,7 @@ def make(
         program: one of :func:`names`, or a plan of your own.
         input_set: U; the paper's box |u_i| ≤ 5 unless given.
         solver: "daqp", "clarabel", or any solver that qpsolvers finds installed, as a second
-            opinion. Without a name the core answers.
+            opinion. Without a name the core answers, and where that solver fails.
         program_options: among :func:`options`; see `Prices.read`.
 
     Raises:

@@ -45,7 +45,7 @@ def conflict_report(
         input_set: U, or a bounded action space of Gymnasium.
 
     Raises:
-        InvalidInputError: on malformed rows, what is no result of theirs, or no U.
+        InvalidInputError: on malformed rows, another result than theirs, or no U.
     """
     input_set = input_sets.read("input_set", input_set)
     check_rows(rows, input_set.n_u)

@@ -26,8 +26,7 @@ class GeneralProgram(Program):
         plan: what is solved.
         prices: its numbers.
         input_set: U.
-        solver: the name of the solver that answers in the place of the core; Clarabel answers
-            where it fails (DAQP where that is Clarabel).
+        solver: the name of one that answers in the place of the core, unless it fails.
 
     Raises:
         UnknownNameError: if no such solver is installed.
@@ -38,7 +37,7 @@ class GeneralProgram(Program):
         self, plan: Plan, prices: Prices, input_set: InputSet, solver: str | None = None
     ) -> None:
         self.plan, self.prices, self.input_set = plan, prices, input_set
-        prices.weights.check(1)
+        prices.check(1)
         self.solver = None if solver is None else check_solver(solver)
         self._core = _core.GeneralProgram(
             LOWER.index(plan.lower),
@@ -48,7 +47,7 @@ class GeneralProgram(Program):
             input_set.radius,
             prices.lambda_u,
             prices.known_offset,
-            np.ascontiguousarray(prices.weights.table),
+            np.ascontiguousarray(prices.weights),
             *input_set.halfspaces(),
         )
 
@@ -60,9 +59,8 @@ class GeneralProgram(Program):
         n_u = self.input_set.n_u
         desired = finite_array("u_nominal", floats("u_nominal", u_nominal, (n_u,)), (n_u,))
         check_rows(rows, n_u)
-        if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
-            self.prices.least_slack(rows)
-            rows = rows._replace(alpha2_psi=rows.b)
+        if rows.alpha2_psi is None:
+            rows = self.prices.complete(rows)
         m = rows.b.size
         answer = np.empty(n_u + 2 * m + 1)
         solver = None if self.solver is None else Solver(self.solver)

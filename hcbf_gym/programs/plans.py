@@ -1,4 +1,4 @@
-r"""The programs: each is a plan, a few choices that stand beside its equation.
+r"""The programs: each is a plan, a few choices beside its equation.
 
 Throughout, u ∈ U, rows of one priority are one level, and û_k solves the program of row k alone: it
 is the input of U nearest u* that meets row k or, where none does, violates it least. A plan is read
@@ -22,7 +22,7 @@ LOCK = ("nothing", "pin", "bound")
 class Plan:
     r"""A program as data: which stages there are, and what each does.
 
-    A stage of strict rows keeps the inputs that meet them or, where none does, violate them least,
+    A stage of strict rows leaves the inputs that meet them or, where none does, violate them least,
     :math:`\min Σ_k \max(0, b_k − a_k u)²`. A stage of other rows chooses the u that trades what
     they pay against the distance to u*, :math:`λ_u ‖u^⋆ − u‖² + Σ_k λ_{δ_k} δ_k²`, among the
     inputs that the stages so far leave. The answer is that of the last stage.
@@ -48,13 +48,9 @@ class Plan:
     lock: str = "nothing"
 
     def __post_init__(self) -> None:
-        for name, choices in (
-            ("strict", STRICT),
-            ("lower", LOWER),
-            ("order", ORDER),
-            ("lock", LOCK),
-        ):
-            choose(f"plan: {name}", getattr(self, name), dict.fromkeys(choices))
+        choices = {"strict": STRICT, "lower": LOWER, "order": ORDER, "lock": LOCK}
+        for name, known in choices.items():
+            choose(f"plan: {name}", getattr(self, name), dict.fromkeys(known))
         locks = self.order == "by level" and self.lower != "nothing"
         if locks == (self.lock == "nothing"):
             expected = f"one of {LOCK[1:]}" if locks else "'nothing'"
@@ -84,8 +80,8 @@ r"""CBF-QP (section II-C): every row is hard.
 
 .. math:: \min_{u ∈ U} ‖u^⋆ − u‖² \quad \text{s.t.}\quad a_k u ≥ b_k \;\text{for all } k.
 
-Where the rows conflict it has no solution and says so: the status is VIOLATED whatever the
-priority of the row that is missed, and u violates the rows least, ``min Σ δ_k²``.
+Where the rows conflict it has no solution: the status is VIOLATED whatever the priority of the row
+that is missed, and u violates the rows least, ``min Σ δ_k²``.
 """
 
 R_CBF_QP = Plan(strict="first", lower="relaxed")
@@ -122,7 +118,7 @@ to decide.
 """
 
 LEX_CBF_QP = Plan(strict="all", lower="relaxed", order="by level", lock="bound")
-r"""Lex-CBF-QP (ours): no row gives way while one of lower priority still could.
+r"""Lex-CBF-QP (ours): no row is relaxed while one of lower priority still could be.
 
 For each priority p = 1, 2, …, with :math:`δ_i^⋆` the violations of the earlier stages,
 
@@ -173,11 +169,11 @@ def register(name: str, plan: Plan) -> None:
 
 
 Named = str | Plan | Mapping[str, Any]
-"""What stands for a program: a name, a plan, or a plan's choices in a plain dict."""
+"""A program's name, a plan, or a plan's choices in a plain dict."""
 
 
 def plan_of(program: Named) -> Plan:
-    """Return the plan that a name stands for, or the plan itself, or that of a plain dict.
+    """Return the plan of a name or of a plain dict, or the plan itself.
 
     Raises:
         UnknownNameError: on an unknown name; the message lists the choices.

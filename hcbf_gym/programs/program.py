@@ -37,8 +37,8 @@ class Program(ABC):
             rows: the rows of one state, m ≥ 0.
 
         Returns:
-            The filtered input and what it costs. Where every solver failed, the braking action 0
-            with status BACKUP.
+            The filtered input and what it costs. Where no solver has an answer, the braking
+            action 0 with status BACKUP.
 
         Raises:
             InvalidInputError: on malformed input or rows.
@@ -46,11 +46,7 @@ class Program(ABC):
 
 
 def check_rows(rows: CbfRows, n_u: int) -> None:
-    """Refuse rows that no program can read.
-
-    Args:
-        rows: the rows of one state; of N states with a leading axis.
-        n_u: the number of inputs.
+    """Refuse rows, of one state or of N with a leading axis, that no program can read.
 
     Raises:
         InvalidInputError: on shapes that do not match, entries that are not finite, or priorities
@@ -93,7 +89,7 @@ def check_shapes(rows: CbfRows, n_u: int) -> None:
 
 
 def explain(rows: CbfRows) -> NoReturn:
-    """Raise the error that says what is wrong with the entries of the rows."""
+    """Raise the error of entries that are not finite, or priorities with a gap."""
     for name in ("a", "b", "h", "alpha2_psi"):
         value = getattr(rows, name)
         if value is not None and not np.isfinite(value).all():

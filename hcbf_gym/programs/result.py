@@ -1,4 +1,4 @@
-"""What a program hands back: the input, what each row pays for it, and how it was found."""
+"""What a program returns: the input, what each row pays for it, and how it was found."""
 
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -12,11 +12,10 @@ class FilterStatus(IntEnum):
     Of several that apply, the status is the one named last. NOMINAL: u = u*, every row met.
     SAFE: u ≠ u*, every row met. RELAXED: a row of priority 2 or lower is violated. VIOLATED: a row
     of priority 1 is violated (for ``cbf-qp``: any row); the violation is the least there is. The
-    wrapper says so, too, where an episode, a state after none, or other barriers begin with h − m
-    or ψ of priority 1 below zero, until they are not: every row may be met, and prove nothing.
-    UNSAFE: the state has left the safe set, a barrier of priority 1 is below zero; the wrapper says
-    so, programs never do. BACKUP: the filter brakes; of a program, because every solver failed, and
-    u is 0.
+    wrapper also reports it where an episode, a state after none, or other barriers begin with
+    h − m or ψ of priority 1 below zero, until they are not: every row may be met, and prove
+    nothing. UNSAFE, of the wrapper alone: a barrier of priority 1 is below zero. BACKUP: the filter
+    brakes; of a program, because every solver failed, and u is 0.
     """
 
     NOMINAL = 0
@@ -38,7 +37,7 @@ class FilterResult(NamedTuple):
             1, the slack.
         status: a :class:`FilterStatus`; (N,) integers for a batch.
         fallbacks: how many projections of this call took twice a double's digits or, with a solver
-            by name, its second opinion; 0 for the compiled programs of two inputs.
+            by name, the core; 0 for the compiled programs of two inputs.
     """
 
     u: Array

@@ -11,28 +11,19 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
 
-ALONG = 5
-"""Points along the axis of a capsule, and along each edge of a box."""
+ALONG = 5  # points along the axis of a capsule, and along each edge of a box
 
-TILT = 0.2
-"""How far the trunk leans at most while it walks [rad]."""
+TILT = 0.2  # the greatest tilt of a walking trunk [rad]
 
-STRIDE = 0.065
-"""How much farther from the trunk's centre a leg reaches in its stride than at home [m]."""
+STRIDE = 0.065  # by how much a leg reaches farther from the trunk's centre than at home [m]
 
 
 class BodyPoints(NamedTuple):
-    """The points of a robot's geoms.
+    """The points of a robot's geoms."""
 
-    Attributes:
-        geom: (P,) which geom each point belongs to.
-        place: (P, 3) where it is in the geom's frame [m].
-        radius: (P,) of the ball around it [m].
-    """
-
-    geom: Integers
-    place: Array
-    radius: Array
+    geom: Integers  # (P,) which geom each point belongs to
+    place: Array  # (P, 3) where it is in the geom's frame [m]
+    radius: Array  # (P,) of the ball around it [m]
 
 
 def body_of(model: mujoco.MjModel, root: int) -> BodyPoints:
@@ -68,8 +59,8 @@ def radius(model: mujoco.MjModel, trunk: str, joints: Array) -> float:
     points = data.geom_xpos[body.geom] + np.einsum("pij,pj->pi", rotations, body.place)
     far = np.hypot(points[:, 0], points[:, 1]) + body.radius
     fixed = model.body_weldid[model.geom_bodyid[body.geom]] == model.body_weldid[first]
-    leaning = far + np.sin(TILT) * np.abs(points[:, 2])
-    return float(np.where(fixed, leaning, far + STRIDE).max())
+    tilted = far + np.sin(TILT) * np.abs(points[:, 2])
+    return float(np.where(fixed, tilted, far + STRIDE).max())
 
 
 def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
@@ -92,15 +83,7 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
 
 
 def stand(data: mujoco.MjData, position: Array, height: float, yaw: float, home: Array) -> None:
-    """Put a robot that comes first in a scene at rest.
-
-    Args:
-        data: written to.
-        position: (2,) of its trunk [m].
-        height: of its trunk [m].
-        yaw: [rad].
-        home: (j,) of its joints [rad].
-    """
+    """Put a scene's first robot at rest: trunk (2,) and its height [m], yaw, joints (j,) [rad]."""
     data.qpos[:2] = position
     data.qpos[2] = height
     data.qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)

@@ -11,8 +11,7 @@ from hcbf_gym.errors import RobotModelError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
 
-CLEARANCE = 0.001
-"""Between soles and ground where the home pose's height is solved [m]."""
+CLEARANCE = 0.001  # between soles and ground where the home pose's height is solved [m]
 
 _DEFAULT_LEG = (0.0, 0.9, -1.8)  # [rad] abad, hip and knee where a file has no home pose
 
@@ -79,7 +78,7 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
         xml_file: MJCF of the robot alone.
 
     Raises:
-        RobotModelError: if the file cannot be read, or says what no walking robot is.
+        RobotModelError: if the file cannot be read, or describes no walking robot.
     """
     model = compile_spec(load_spec(xml_file), xml_file)
     _check_tree(model)
@@ -98,16 +97,7 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
 
 
 def check_alone(what: str, model: mujoco.MjModel, trunk: str) -> None:
-    """Refuse a file in which something stands besides the robot.
-
-    Args:
-        what: the file, for the message.
-        model: compiled from it.
-        trunk: the robot's first body.
-
-    Raises:
-        RobotModelError: if something does.
-    """
+    """Refuse a file, named `what`, with bodies or geoms besides the robot by a RobotModelError."""
     alone = model.body_rootid == model.body(trunk).id
     strangers = [model.body(i).name for i in np.flatnonzero(~alone[1:]) + 1]
     ground = int((model.geom_bodyid == 0).sum())
@@ -116,6 +106,21 @@ def check_alone(what: str, model: mujoco.MjModel, trunk: str) -> None:
             f"{what}: got {ground} geom(s) in the world and the bodies {strangers} besides the "
             "robot, expected the robot alone: the simulation adds floor and obstacles"
         )
+
+
+def actuator_limit(model: mujoco.MjModel, actuator: int) -> float:
+    """Return what an actuator gives at most [N·m]; infinite where it has no limit.
+
+    It is its force range, else the control range of a motor.
+    """
+    gear = abs(model.actuator_gear[actuator, 0])
+    if model.actuator_forcelimited[actuator]:
+        return float(gear * np.abs(model.actuator_forcerange[actuator]).min())
+    motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+    if motor and model.actuator_ctrllimited[actuator]:
+        gain = abs(model.actuator_gainprm[actuator, 0])
+        return float(gear * gain * np.abs(model.actuator_ctrlrange[actuator]).min())
+    return np.inf
 
 
 def foot_name(leg: str) -> str:
@@ -217,15 +222,9 @@ def _stall_torque(model: mujoco.MjModel) -> Array:
             model.actuator_trnid[:, 0] == joint
         )
         for actuator in np.flatnonzero(driven):
-            gear = abs(model.actuator_gear[actuator, 0])
-            motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-            if model.actuator_forcelimited[actuator]:
-                limits[index] = gear * np.abs(model.actuator_forcerange[actuator]).min()
-            elif model.jnt_actfrclimited[joint]:
+            limits[index] = actuator_limit(model, int(actuator))
+            if model.jnt_actfrclimited[joint] and not model.actuator_forcelimited[actuator]:
                 limits[index] = np.abs(model.jnt_actfrcrange[joint]).min()
-            elif motor and model.actuator_ctrllimited[actuator]:
-                gain = abs(model.actuator_gainprm[actuator, 0])
-                limits[index] = gear * gain * np.abs(model.actuator_ctrlrange[actuator]).min()
     if not (np.isfinite(limits).all() and (limits > 0.0).all()):
         raise RobotModelError(
             f"xml_file: got the torque limits {limits.tolist()} N·m, expected a positive one for "

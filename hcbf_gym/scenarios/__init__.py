@@ -17,8 +17,8 @@ from hcbf_gym.errors import (
     text,
 )
 from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
-from hcbf_gym.scenarios.floor import Floor, Region, floors, name_of, register_floors
+from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, Family, Hooks, Moment
+from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
 
@@ -32,7 +32,6 @@ __all__ = [
     "Floor",
     "Hooks",
     "Moment",
-    "Region",
     "Scenario",
     "ScenarioLike",
     "Scene",
@@ -66,7 +65,6 @@ def register(
     *,
     shapes: int,
     v_max: float | None = V_MAX,
-    draw_many: DrawMany | None = None,
     floor: Callable[[], Floor] | None = None,
     hooks: Hooks = NO_HOOKS,
 ) -> None:
@@ -76,19 +74,16 @@ def register(
     ``file.py:name`` or ``module:name``, under which other processes find it.
 
     Args:
-        name: what `gym.make`, `make_vec`, `evaluate` and `certify` take as a scenario.
+        name: for `gym.make`, `make_vec`, `evaluate` and `certify` as a scenario.
         draw: (generator, scene) fills the arrays of a `Scene`, for each environment that begins,
             with its generator.
         shapes: m, how many shapes each scene has, walls included.
         v_max: strict cap on the speed [m/s]; None for none.
-        draw_many: (N generators, the N scenes' arrays) the same for many at once, equal bit for
-            bit, which is tried here on some seeds.
         floor: returns the map on which the shapes are; None for none.
-        hooks: observation, reward and costs of the family's own.
+        hooks: observation, reward and costs of the family.
 
     Raises:
-        InvalidInputError: if the name is taken or no name, a number is out of range, or
-            `draw_many` fills other scenes than `draw`.
+        InvalidInputError: if the name is taken or no name, or a number is out of range.
     """
     name = text("family", name)
     if not name or set(name) & set(":/ "):
@@ -96,7 +91,7 @@ def register(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
     instance(f"family {name!r}: hooks", hooks, Hooks)
-    for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
+    for what, given in (("draw", draw), ("floor", floor)):
         if not (callable(given) or (given is None and what != "draw")):
             raise InvalidInputError(
                 f"family {name!r}: {what}: got {shown(given)}, expected a function"
@@ -104,14 +99,12 @@ def register(
     count(f"family {name!r}: shapes", shapes, minimum=0 if floor else 1)
     if v_max is not None:
         v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
-    made = Family(name, draw, shapes, v_max, draw_many, floor, hooks)
+    made = Family(name, draw, shapes, v_max, floor, hooks)
     before = _FAMILIES.get(name)
     if name in _NAMED or not (before is None or before.is_from_where(made)):
         raise InvalidInputError(
             f"family: got {name!r}, expected a name that is not taken: {names()}"
         )
-    if draw_many is not None:
-        made.check_many()
     _FAMILIES[name] = made
 
 
@@ -126,7 +119,7 @@ def names() -> list[str]:
 
 
 def family_of(scenario: ScenarioLike) -> Family | None:
-    """Return the family of random scenes that a name or the dict of a map stands for; or None.
+    """Return the family of random scenes with a name, or of paths through a map's dict; or None.
 
     Raises:
         UnknownNameError: if a file or module does not register a family of that name.
@@ -165,13 +158,12 @@ def is_random(scenario: ScenarioLike) -> bool:
 def on_map(
     file: Path | None, masks: Mapping[str, int], slow: Mapping[str, float], otherwise: str
 ) -> str | dict[str, object]:
-    """Return the scene that a command line asks for: random ways through a map, or one by name.
+    """Return a command line's scene: random paths through a map, or one by name.
 
     Args:
         file: of the map, YAML beside a PGM or PNG; None for none.
-        masks: mask → rank of what it covers. It is looked for in the current folder, then beside
-            the map.
-        slow: mask of a zone → speed limit there [m/s], as rank 2; likewise.
+        masks: mask → rank of what it covers; a file in the current folder, or beside the map.
+        slow: mask of a zone → speed limit there [m/s], as rank 2.
         otherwise: the scene where there is no map.
 
     Raises:
@@ -195,8 +187,8 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
 
     Args:
         scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`. A dict of a map
-            alone, {"map": {"file": …, "masks": …}}, stands for random ways through it.
-        rng: what decides a random scene; a generator of seed 0 unless given.
+            alone, {"map": {"file": …, "masks": …}}, means random paths through it.
+        rng: decides a random scene; a generator of seed 0 unless given.
 
     Raises:
         UnknownNameError: if the name is not registered; the message lists those that are.

@@ -1,16 +1,16 @@
-"""Random clutter: 15 to 25 overlapping regions of three ranks around a winding way that is free.
+"""Random clutter: 15 to 25 overlapping regions of three ranks around a winding, free path.
 
-The way is drawn first, a line through six points across the hall; every region leaves `CLEAR` to
-it. So a way that enters nothing exists by construction, mostly far from the straight line.
+The path is drawn first, a line through six points across the hall; every region leaves `CLEAR` to
+it. So a path that enters nothing exists by construction, mostly far from the straight line.
 """
 
 import numpy as np
 
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.scene import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import RADIUS, Scene, X, Y
 
 CLEAR = 0.45
-"""Least distance between the free way and any region or wall [m]."""
+"""Least distance between the free path and any region or wall [m]."""
 CLEAR_ENDS = 0.8
 """The same at the start and at the goal [m]."""
 MOST = 25
@@ -19,7 +19,7 @@ FEWEST = 0.6
 """Share of a scene's regions that is in play at least."""
 
 _BENDS = 4
-"""Points of the way between start and goal."""
+"""Points of the path between start and goal."""
 _TRIES = 12
 """Places that are drawn for each region; the first that leaves room is taken, or the roomiest."""
 _SMALLEST = 0.3
@@ -42,12 +42,12 @@ def draw(generator: np.random.Generator, scene: Scene) -> None:
     goal[0], goal[1] = length, 1.2 * (2.0 * drawn[2] - 1.0)
     fewest = round(FEWEST * most)
     count = fewest + int((most - fewest + 1) * drawn[3])
-    way = np.zeros((_BENDS + 2, 2))
+    path = np.zeros((_BENDS + 2, 2))
     for k in range(_BENDS):
-        way[k + 1, 0] = length * (k + 1) / (_BENDS + 1)
+        path[k + 1, 0] = length * (k + 1) / (_BENDS + 1)
         across = 2.0 * bends[k] - 1.0  # never on the straight line
-        way[k + 1, 1] = (half_width - CLEAR) * (0.7 * across + 0.3 * np.sign(across))
-    way[_BENDS + 1] = goal
+        path[k + 1, 1] = (half_width - CLEAR) * (0.7 * across + 0.3 * np.sign(across))
+    path[_BENDS + 1] = goal
 
     regions = hall.build(scene, length, half_width)
     for k in range(count):
@@ -58,11 +58,10 @@ def draw(generator: np.random.Generator, scene: Scene) -> None:
         for attempt in range(_TRIES):
             x = length * chance[4 + 2 * attempt]
             y = goal[1] * x / length + 0.7 * half_width * (2.0 * chance[5 + 2 * attempt] - 1.0)
-            free = hall.room_beside(way, x, y, CLEAR, CLEAR_ENDS)
+            free = hall.room_beside(path, x, y, CLEAR, CLEAR_ENDS)
             if free > room:
                 region[X], region[Y], room = x, y, free
             if room >= _SMALLEST:
                 break
         region[RADIUS] = max(0.05, min(wanted, room))
-        region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * chance[_FORM]))[int(3.0 * chance[_KIND])]
-        region[ASPECT], region[ANGLE] = 0.5 + 0.5 * chance[_FORM], 2.0 * np.pi * chance[_TURN]
+        hall.shape(region, chance[_KIND], chance[_TURN], chance[_FORM])

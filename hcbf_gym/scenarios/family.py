@@ -20,12 +20,9 @@ from hcbf_gym.scenarios.scene import ASPECT, HALF_PLANE, RADIUS, SHAPE, Scene, X
 V_MAX = 1.0
 """Strict cap on the speed [m/s] of the shipped families, low enough for the A1 to follow."""
 
-_TRIED = range(8)
-"""Seeds on which `draw_many` is compared with `draw`."""
-
 
 class Moment(NamedTuple):
-    """What hooks see of N robots at the end of a control step, or at a reset.
+    """What hooks get of N robots at the end of a control step, or at a reset.
 
     Attributes:
         before: (N, 4) position [m] and velocity [m/s] when the step began.
@@ -45,7 +42,7 @@ class Moment(NamedTuple):
 
 
 class Hooks(NamedTuple):
-    """What environments in scenes of a family do otherwise; None is as they do anyway.
+    """Observation, reward and costs of a family's environments; None is the usual one.
 
     Each row of an answer may depend on the same row alone, so that one robot gets what it gets
     among N.
@@ -68,7 +65,6 @@ class Hooks(NamedTuple):
 
 NO_HOOKS = Hooks()
 Draw = Callable[[np.random.Generator, Scene], None]
-DrawMany = Callable[[Sequence[np.random.Generator], Scene], None]
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,6 @@ class Family:
     draw: Draw
     shapes: int
     v_max: float | None = V_MAX
-    draw_many: DrawMany | None = None
     floor: Callable[[], Floor] | None = None
     hooks: Hooks = NO_HOOKS
 
@@ -90,44 +85,13 @@ class Family:
             InvalidInputError: if a scene is not filled, or a number of it is out of range.
         """
         scenes = Scene.unfilled(len(generators), self.shapes)
-        if self.draw_many is not None:
-            self.draw_many(generators, scenes)
-        else:
-            for i, generator in enumerate(generators):
-                self.draw(generator, scenes.one(i))
+        for i, generator in enumerate(generators):
+            self.draw(generator, scenes.one(i))
         self._check(scenes)
         return scenes
 
-    def check_many(self) -> None:
-        """Refuse a `draw_many` that fills other scenes than `draw`, bit for bit.
-
-        Raises:
-            InvalidInputError: if it does, or fails.
-        """
-        try:
-            many = self.drawn([np.random.default_rng(seed) for seed in _TRIED])
-        except InvalidInputError:
-            raise
-        except Exception as error:  # of the user's function
-            raise InvalidInputError(
-                f"family {self.name!r}: draw_many: got {error!r}, expected it to fill N scenes"
-            ) from error
-        for i, seed in enumerate(_TRIED):
-            single = Scene.unfilled(self.shapes)
-            self.draw(np.random.default_rng(seed), single)
-            for name, a, b in zip(Scene._fields, single, many.one(i), strict=True):
-                if a.tobytes() != b.tobytes():
-                    raise InvalidInputError(
-                        f"family {self.name!r}: got other {name} from draw_many than from draw "
-                        f"with the generator of seed {seed}, expected them equal bit for bit"
-                    )
-
     def _check(self, scenes: Scene) -> None:
-        """Refuse scenes (N, …) that are none.
-
-        Raises:
-            InvalidInputError: if they are not filled or out of range.
-        """
+        """Refuse scenes (N, …) that are not filled or out of range."""
         for name, array in zip(Scene._fields, scenes, strict=True):
             if not np.isfinite(array).all():
                 raise InvalidInputError(
@@ -177,17 +141,17 @@ class Family:
 
     @property
     def identity(self) -> str:
-        """What certificates call it: its name, with a hash where it is the user's own."""
+        """Its name in certificates, with a hash of the user's files."""
         return certificates.robot_of(self.name, self.files) if self.files else self.name
 
     @cached_property
     def files(self) -> list[Path]:
-        """The user's files that decide its scenes; none of a shipped one."""
+        """The user's files that decide its scenes; none for a shipped one."""
         file = inspect.getsourcefile(_function(self.draw))
         return [] if file is None or not Path(file).is_file() else sources.of_user(Path(file))
 
     def is_from_where(self, other: "Family") -> bool:
-        """Return whether another family's function is this one, or its module's newer text."""
+        """Return whether another family's function is this one, or a newer version of it."""
         one, another = _function(self.draw), _function(other.draw)
         return (one.__module__, one.__qualname__) == (another.__module__, another.__qualname__)
 

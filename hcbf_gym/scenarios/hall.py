@@ -1,11 +1,26 @@
 """A hall along +x between two strict walls, in which families of random scenes put regions."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.scenarios.scene import DISC, HALF_PLANE, RADIUS, Scene
+from hcbf_gym.scenarios.scene import (
+    ANGLE,
+    ASPECT,
+    BOX,
+    DISC,
+    ELLIPSE,
+    HALF_PLANE,
+    RADIUS,
+    SHAPE,
+    Scene,
+    X,
+    Y,
+)
 
+Point = tuple[float, float]
 WALLS = 2
 """The first shapes of a scene in a hall."""
 
@@ -24,36 +39,39 @@ def build(scene: Scene, length: float, half_width: float) -> Array:
     return regions
 
 
-def check_count(scene: Scene, least: int, most: int | None = None) -> None:
-    """Refuse scenes of so many shapes, walls included.
+def wall(region: Array, near: Point, far: Point, thickness: float, beyond: float = 0.0) -> None:
+    """Write a box whose axis runs from one point to another, and `beyond` [m] at both ends."""
+    dx, dy = far[0] - near[0], far[1] - near[1]
+    half = 0.5 * np.hypot(dx, dy) + beyond
+    region[SHAPE], region[RADIUS], region[ASPECT] = BOX, half, 0.5 * thickness / half
+    region[X], region[Y] = 0.5 * (near[0] + far[0]), 0.5 * (near[1] + far[1])
+    region[ANGLE] = np.arctan2(dy, dx)
 
-    Raises:
-        InvalidInputError: if a family cannot fill them.
-    """
+
+def shape(region: Array, kind: float, turn: float, form: float) -> None:
+    """Write what a region is, a disc, an ellipse or a polygon, from numbers in [0, 1)."""
+    region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * form))[int(3.0 * kind)]
+    region[ASPECT], region[ANGLE] = 0.5 + 0.5 * form, 2.0 * np.pi * turn
+
+
+def check_count(scene: Scene, least: int, exact: bool = False) -> None:
+    """Refuse scenes of fewer shapes, walls included, or of more if the count is exact."""
     m = len(scene.ranks)
-    if m < least or (most is not None and m > most):
-        raise InvalidInputError(
-            f"shapes: got {m}, expected {least}{'' if most == least else ' or more'}"
-        )
+    if m < least or (exact and m > least):
+        raise InvalidInputError(f"shapes: got {m}, expected {least}{'' if exact else ' or more'}")
 
 
-def room_beside(way: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
-    """Return the greatest circumradius that a region at (x, y) may have beside a way [m].
+def room_beside(path: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
+    """Return the greatest circumradius that a region at (x, y) may have beside a path (k, 2) [m].
 
-    Args:
-        way: (k, 2) the points that it joins [m].
-        x: of the region [m].
-        y: of the region [m].
-        clear: what stays free on both sides of the way [m].
-        clear_ends: what stays free around its first and its last point [m].
+    It leaves `clear` [m] on both sides of the path, and `clear_ends` around its ends.
     """
-    last = way.shape[0] - 1
-    from_start = np.hypot(x - way[0, 0], y - way[0, 1])
-    from_goal = np.hypot(x - way[last, 0], y - way[last, 1])
-    room = min(from_start, from_goal) - clear_ends
-    for k in range(last):
-        ex, ey = way[k + 1, 0] - way[k, 0], way[k + 1, 1] - way[k, 1]
-        ox, oy = x - way[k, 0], y - way[k, 1]
+    points, x, y = path.tolist(), float(x), float(y)  # numbers of Python are faster one by one
+    (x0, y0), (x1, y1) = points[0], points[-1]
+    room = min(np.hypot(x - x0, y - y0), np.hypot(x - x1, y - y1)) - clear_ends
+    for (ax, ay), (bx, by) in pairwise(points):
+        ex, ey = bx - ax, by - ay
+        ox, oy = x - ax, y - ay
         along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
         room = min(room, np.hypot(ox - along * ex, oy - along * ey) - clear)
     return room

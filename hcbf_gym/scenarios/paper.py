@@ -54,7 +54,7 @@ def four_levels() -> Scenario:
 def experiment() -> Scenario:
     """Section IV-C: heavy boxes inside region 1, a light box at region 2's centre.
 
-    The paper only says "a continuous trajectory"; this one bends through the corridor between
+    The paper has only "a continuous trajectory"; this one goes through the corridor between
     region 1 and the east wall.
     """
     region1 = Disc("h3 region 1", 1, center=(-1.7, 1.5), radius=1.7)
@@ -82,7 +82,7 @@ def experiment_straight() -> Scenario:
 def _ring_of_boxes(region: Disc, gap: Disc) -> tuple[BoxObstacle, ...]:
     """Return heavy boxes around a region, their faces half a robot's width inside its edge.
 
-    None stands where the light box at the other region's centre does.
+    They leave a gap for the light box at the other region's centre.
     """
     center = np.array(region.center)
     side = 0.4

@@ -1,8 +1,8 @@
-"""Random scenes: a hall with ranked regions, conflicts in a stated share, a way always open.
+"""Random scenes: a hall with ranked regions, conflicts in a stated share, a path always open.
 
-Each region has a stretch of the hall to itself, so that it leaves `GAP` to its neighbours and to
-both walls: the way exists by construction, and standing still meets every strict row. In a conflict
-the episode starts inside a region of priority 3 whose nearest exit leads into one of priority 2.
+Each region has its own stretch of the hall, so that it leaves `GAP` to its neighbours and to
+both walls: the path exists by construction, and standing still meets every strict row. In a
+conflict the episode starts inside a region of priority 3 whose nearest exit is in one of 2.
 """
 
 from functools import cache
@@ -11,7 +11,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.scene import ANGLE, ASPECT, DISC, ELLIPSE, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import RADIUS, Scene, X, Y
 
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
@@ -33,7 +33,7 @@ REGIONS = 5
 # what is drawn: four numbers for the hall, one for each region's presence, seven for each region
 _WIDTH, _LENGTH, _GOAL, _CONFLICT = range(4)
 _PLACE, _SIZE, _ALONG, _ACROSS, _KIND, _TURN, _FORM = range(7)
-# a conflict's two regions have no stretch of their own: their draws say how they lie
+# a conflict's two regions have no stretch: their draws decide where they are
 _HEADING, _DEPTH, _DISTANCE, _INNER, _OUTER = _SIZE, _ALONG, _ACROSS, _KIND, _TURN
 
 
@@ -43,7 +43,7 @@ def draw(
     """Fill a scene of two walls and `REGIONS` regions or more; each more makes the hall longer.
 
     Args:
-        generator: gives the same number of numbers for every scene.
+        generator: of which every scene takes the same number of numbers.
         scene: to fill.
         moving: let the relaxed regions drift that are not part of a conflict.
         gap: least passage between two regions, and between a region and a wall [m]; a wider one
@@ -59,7 +59,7 @@ def draw(
     conflict = drawn[_CONFLICT] < CONFLICT_SHARE
     order = np.empty(n_slots, dtype=np.int64)
     n = 0
-    for slot in range(n_slots):  # who has a stretch of its own, and in which order
+    for slot in range(n_slots):  # which regions have a stretch, and in which order
         in_play = slot in (0, of_2) or presence[slot] < 0.5
         if in_play and not (conflict and slot in (of_2, of_3)):
             place = int(n * chances[slot, _PLACE])
@@ -104,8 +104,7 @@ def _place(
     across = half_width - radius
     y = min(max(straight + 0.5 * (2.0 * chance[_ACROSS] - 1.0) * radius, -across), across)
     region[X], region[Y], region[RADIUS] = x, y, radius
-    region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * chance[_FORM]))[int(3.0 * chance[_KIND])]
-    region[ASPECT], region[ANGLE] = 0.5 + 0.5 * chance[_FORM], 2.0 * np.pi * chance[_TURN]
+    hall.shape(region, chance[_KIND], chance[_TURN], chance[_FORM])
 
 
 def _collide(inner: Array, outer: Array, chance: Array) -> None:

@@ -1,4 +1,4 @@
-"""Reference trajectories: where the nominal policy wants the robot to be at time t."""
+"""Reference trajectories: the nominal position of the robot at time t."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
 
 LONGEST = 1e4
-"""Of a course [s]: environments store a row of it for every control step."""
+"""Of a reference [s]: environments store a row of it for every control step."""
 
 
 class Reference(Protocol):
@@ -33,11 +33,7 @@ class Reference(Protocol):
 
 @dataclass(frozen=True)
 class PointReference:
-    """A goal from the first moment on.
-
-    Args:
-        goal: (2,) [m].
-    """
+    """A goal (2,) [m] from the first moment on."""
 
     goal: Pair
 
@@ -48,7 +44,7 @@ class PointReference:
 
     @property
     def duration(self) -> float:
-        """Zero: the goal is there at once."""
+        """Zero."""
         return 0.0
 
     def __call__(self, t: float) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The record of one scene: ranked barriers, a reference, an input set, boxes that stand in it."""
+"""The record of one scene: ranked barriers, a reference, an input set, boxes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -28,11 +28,11 @@ class BoxObstacle:
     """A box on the floor of the full-physics scene.
 
     Args:
-        name: what contacts are reported under, not empty.
+        name: of its reports of contacts, not empty.
         center: (2,) [m].
         size: (3,) full length, width and height [m], positive.
         yaw: [rad].
-        mass: [kg], positive; None stands for a box too heavy to move.
+        mass: [kg], positive; None for a box too heavy to move.
 
     Raises:
         InvalidInputError: if there is no name, a size or the mass is not positive, or a number is
@@ -61,20 +61,20 @@ class BoxObstacle:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scene: what is dangerous, how much, where to go and with which inputs.
+    """A scene: dangerous regions and their ranks, the goal and the inputs.
 
     Args:
-        name: what tables and figures call it.
+        name: in tables and figures.
         barriers: ranked safety conditions; with those of the map, the priorities are 1, 2, …
             without a gap.
-        reference: where the nominal policy wants to be; the last point is the goal.
-        start: (2,) where the robot starts [m].
+        reference: of the nominal policy; the last point is the goal.
+        start: (2,) [m].
         input_set: U of the reduced-order model.
         task: "track" follows the reference to its end, "reach" ends at the goal.
         goal_radius: within which the goal counts as reached [m].
         v_max: strict cap on the speed that the environments add [m/s]; None for none.
         obstacles: boxes of the full-physics scene.
-        map: whose classes are conditions, too, after the barriers; None for none.
+        map: its classes are conditions after the barriers; None for none.
 
     Raises:
         InvalidInputError: if the barriers are none, share a name or skip a priority, if boxes share
@@ -159,7 +159,7 @@ class Scenario:
 
 
 ScenarioLike = str | Path | Mapping[str, Any] | Scenario
-"""What `make` takes: a name, a path to a JSON file, a plain dict, or a scenario."""
+"""A name, a path to a JSON file, a plain dict, or a scenario."""
 
 
 def from_dict(data: Mapping[str, Any]) -> Scenario:
@@ -192,7 +192,7 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
 
 
 def load(path: str | Path) -> Scenario:
-    """Read a scenario from a JSON file; its map lies beside it unless its path is absolute.
+    """Read a scenario from a JSON file; its map is beside it unless its path is absolute.
 
     Raises:
         InvalidInputError: if the file cannot be read, is not JSON or is no scenario.

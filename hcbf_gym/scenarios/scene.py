@@ -1,4 +1,4 @@
-"""The arrays of a random scene, and the barriers that their rows mean."""
+"""The arrays of a random scene, and its barriers."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,7 @@
 """Random traps: U shapes, corners and dead ends on the straight line, open towards the start.
 
 A policy that heads for the goal walks in and stays. Each of the two traps, one strict and one of
-rank 2, has a stretch of the hall to itself, and leaves `PASSAGE` on one side at least: a way that
+rank 2, has its own stretch of the hall, and leaves `PASSAGE` on one side at least: a path that
 enters nothing exists by construction.
 """
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import Scene
 
 PASSAGE = 1.0
 """Least passage beside a trap, and between the two [m]."""
@@ -20,7 +20,7 @@ RANKS = (1, 1, 1, 2, 2, 2)
 KINDS = ("u", "corner", "dead end")
 
 BOTTOMS = (2.6, 5.7)
-"""How far from the start the traps' far ends lie [m], before the hall is stretched."""
+"""Distance of the traps' far ends from the start [m], before the hall is stretched."""
 
 _WIDTH, _LENGTH, _GOAL, _ORDER = range(4)
 _KIND, _ACROSS, _TILT, _SPAN, _DEPTH, _SIDE = range(6)
@@ -28,8 +28,7 @@ _KIND, _ACROSS, _TILT, _SPAN, _DEPTH, _SIDE = range(6)
 
 def draw(generator: np.random.Generator, scene: Scene) -> None:
     """Fill a scene of two walls and two traps; as many numbers decide every scene."""
-    count = hall.WALLS + len(RANKS)
-    hall.check_count(scene, count, count)
+    hall.check_count(scene, hall.WALLS + len(RANKS), exact=True)
     scene.ranks[hall.WALLS :] = RANKS
     goal = scene.goal
     drawn = generator.random(4)
@@ -51,7 +50,7 @@ def draw(generator: np.random.Generator, scene: Scene) -> None:
 
 
 def _catch(trap: Array, chance: Array, back: float, goal: Array, square: bool) -> None:
-    """Write a U, or a corner of two walls, around the straight line; its bottom lies at `back`."""
+    """Write a U, or a corner of two walls, around the straight line; its bottom is at `back`."""
     tilt = 0.3 * (2.0 * chance[_TILT] - 1.0)
     span = 0.6 + 0.3 * chance[_SPAN]
     depth = 0.8 + 0.5 * chance[_DEPTH]
@@ -79,10 +78,5 @@ def _dead_end(trap: Array, chance: Array, back: float, goal: Array, half_width: 
     _wall(trap[1], (back, end), (back - depth, end))
 
 
-def _wall(region: Array, near: tuple[float, float], far: tuple[float, float]) -> None:
-    """Write a box of `THICKNESS` whose axis runs from one point to another and a bit further."""
-    dx, dy = far[0] - near[0], far[1] - near[1]
-    half = 0.5 * np.hypot(dx, dy) + 0.5 * THICKNESS
-    region[SHAPE], region[RADIUS], region[ASPECT] = BOX, half, 0.5 * THICKNESS / half
-    region[X], region[Y] = 0.5 * (near[0] + far[0]), 0.5 * (near[1] + far[1])
-    region[ANGLE] = np.arctan2(dy, dx)
+def _wall(region: Array, near: hall.Point, far: hall.Point) -> None:
+    hall.wall(region, near, far, THICKNESS, beyond=0.5 * THICKNESS)

@@ -21,7 +21,7 @@ class Reports(BaseCallback):
         config: of the run.
         folder: of the run; `policy.npz` in it is the best one so far.
         curve: the reports so far, extended in place.
-        about: what the exported policy says of its training.
+        about: how the policy is trained, which is exported with it.
         show: called with the decisions so far at every rollout.
     """
 

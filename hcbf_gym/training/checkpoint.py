@@ -1,4 +1,4 @@
-"""Everything that a killed run needs to go on as if nothing had happened, bit for bit."""
+"""Checkpoints from which a killed run continues bit for bit."""
 
 import os
 import pickle
@@ -22,14 +22,7 @@ _FOLDER = "checkpoint"
 def save(
     folder: Path, config: TrainingConfig, model: BaseAlgorithm, curve: list[dict[str, float]]
 ) -> None:
-    """Replace the folder's checkpoint in one move: being killed meanwhile leaves the old one.
-
-    Args:
-        folder: of the run.
-        config: which a resumed run must share.
-        model: between two rollouts.
-        curve: the evaluations so far.
-    """
+    """Replace the folder's checkpoint in one move: being killed meanwhile leaves the old one."""
     env = model.get_vec_normalize_env()
     assert env is not None
     fresh, current, old = (folder / f"{_FOLDER}{suffix}" for suffix in (".new", "", ".old"))
@@ -68,11 +61,7 @@ def resume(
 ) -> tuple[BaseAlgorithm, list[dict[str, float]]]:
     """Return the model, with its environments, and the evaluations up to the checkpoint.
 
-    Args:
-        checkpoint: what `find` returned; written by this package on this machine, as it is
-            unpickled.
-        config: of the run, the number of steps excepted.
-        tensorboard: folder of TensorBoard's log.
+    It is unpickled, so it must be of this package and machine; the number of steps may differ.
 
     Raises:
         InvalidInputError: if the checkpoint belongs to another run.

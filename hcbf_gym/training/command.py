@@ -18,8 +18,8 @@ from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.training import TrainingConfig, train
 from hcbf_gym.training.curves import plot_curves
 
-GOES_ON = "the same command with --resume goes on from the last checkpoint"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command with --resume continues from the last checkpoint"
+"""Printed after Ctrl-C."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What decides a training run: its record, its environments, its algorithm."""
+"""The configuration of a training run, its environments, and its algorithm."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym.arguments import Amount, Count, Range
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, finite_float, install
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
 from hcbf_gym.wrappers import VectorHoldAction, VectorInterventionPenalty, VectorSafetyFilter
 
 try:
@@ -79,19 +79,8 @@ class TrainingConfig:
     """Held-out scenes of one evaluation."""
 
     def __post_init__(self) -> None:
-        choose("algorithm", self.algorithm, ALGORITHMS)
-        choose("filter", self.filter, dict.fromkeys(("off", "on", "penalty")))
-        if self.guidance is not None:
-            choose("guidance", self.guidance, dict.fromkeys(("geodesic",)))
-            if self.filter == "off":
-                raise InvalidInputError("guidance: got filter 'off', expected 'on' or 'penalty'")
-        choose("learn_from", self.learn_from, dict.fromkeys(("nominal", "filtered")))
-        finite_float("penalty", self.penalty, minimum=0.0)
-        counts = (self.total_steps, self.n, self.hold, self.report_every, self.report_episodes)
-        if min(counts) < 1 or not 0.0 < self.gamma <= 1.0 or self.seed < 0:
-            raise InvalidInputError(
-                f"training: got {self}, expected counts >= 1, 0 < gamma <= 1 and a seed >= 0"
-            )
+        if self.guidance is not None and self.filter == "off":
+            raise InvalidInputError("guidance: got filter 'off', expected 'on' or 'penalty'")
 
     @property
     def n(self) -> int:
@@ -115,8 +104,7 @@ def make_vector(
     """Return n native environments that do not reset themselves, filtered if a program is named.
 
     Raises:
-        UnknownNameError: if the scenario or program is not registered.
-        InvalidInputError: if the scenario's task is not "reach".
+        HcbfError: if the scenario or program is not registered, or the task is not "reach".
     """
     env = gym.make_vec("HCBF-Regions-v0", num_envs=n, scenario=scenario, autoreset_mode="Disabled")
     task = env.unwrapped.scenario.task  # type: ignore[attr-defined]

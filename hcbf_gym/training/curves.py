@@ -8,12 +8,7 @@ from matplotlib.figure import Figure
 
 
 def plot_curves(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path) -> None:
-    """Draw success and return on held-out scenes over the decisions and the time they took.
-
-    Args:
-        curves: name → reports, as `training.json` holds them.
-        path: of the picture.
-    """
+    """Draw success and return on held-out scenes over the decisions and the time they took."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     FigureCanvasAgg(figure)
     by_steps, by_time = figure.subplots(1, 2, sharey=True)

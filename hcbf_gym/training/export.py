@@ -19,13 +19,7 @@ UNSEEN = 1e-5
 
 
 def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:
-    """Return the model's deterministic policy with the normalisation of its observations.
-
-    Args:
-        model: PPO, SAC or TD3 with an MLP policy.
-        env: the training environments, which hold the normalisation.
-        about: how it was trained.
-    """
+    """Return the model's deterministic policy with the normalisation of its observations."""
     policy: Any = model.policy
     if isinstance(model, PPO):
         modules = [*policy.mlp_extractor.policy_net, policy.action_net]
@@ -54,29 +48,16 @@ def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> Le
 
 
 class Report(NamedTuple):
-    """How a policy did over a set of scenes.
+    """How a policy did over a set of scenes."""
 
-    Attributes:
-        success: share of episodes that reached the goal.
-        returns: mean return.
-        seconds: mean length of an episode [s].
-        intervention: mean ‖u − u*‖ over all steps [m/s²]; 0 without a filter.
-    """
-
-    success: float
-    returns: float
-    seconds: float
-    intervention: float
+    success: float  # share of episodes that reached the goal
+    returns: float  # mean return
+    seconds: float  # mean length of an episode [s]
+    intervention: float  # mean ‖u − u*‖ over all steps [m/s²]; 0 without a filter
 
 
 def report(policy: LearnedPolicy, env: VectorEnv, seed: int) -> Report:
-    """Run one episode in each of N scenes, with a decision at every control step.
-
-    Args:
-        policy: acts on all scenes at once.
-        env: N native environments that do not reset themselves.
-        seed: of the first scene.
-    """
+    """Run one episode in each of N native environments, with a decision at every control step."""
     run = rollout_batch(env, policy, seed)
     return Report(
         success=float(run.terminated.mean()),

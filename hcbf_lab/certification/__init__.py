@@ -1,5 +1,5 @@
-"""Calibrate, freeze, certify: from episodes of a plant to a number for its promise.
+"""Calibrate, freeze, certify: from episodes of a plant to a bound on entries.
 
-A family of episodes is a frozen record whose `episode` says what a seed stands for; whatever
-decides an episode stands in it, so that a certificate's JSON is enough to repeat any of them.
+A family of episodes is a frozen record whose `episode` makes the episode of a seed; its fields
+decide every episode, so that a certificate's JSON is enough to repeat any of them.
 """

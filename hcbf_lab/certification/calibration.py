@@ -8,14 +8,13 @@ x_k, and s the mean by which the larger ones exceed it,
 
 the quantile of a tail that is exponential beyond x_k (I. Weissman, "Estimation of parameters and
 large quantiles based on the k largest observations", JASA 73, 1978), within `BEYOND` of the
-greatest need. Distances and the speed limit are reserved for apart, each with needs of its own.
+greatest need. Distances and the speed limit are reserved for apart, each with its own needs.
 What goes with a velocity error (k_v, k_p) stays as the plant declares it: it is how the robot
 follows, and d is what that leaves.
 """
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +36,7 @@ LEAST_TAIL = 5
 """And at least so many."""
 BEYOND = (1.1, 1.25)
 """What is reserved at least and at most, of the greatest need that was seen: a tail that is read
-from few episodes says too much."""
+from few episodes exaggerates."""
 GENERATIONS, POPULATION = 4, 12
 """Of a search: attackers of one generation meet the same episode."""
 ELITE = 4
@@ -52,35 +51,19 @@ Try = Callable[[Uncertainty, Sequence[tuple[int, tuple[float, ...]]], str], list
 
 
 class Round(NamedTuple):
-    """What one round showed.
+    """What one round showed."""
 
-    Attributes:
-        what: "round", or "search" whose attackers are no independent draws.
-        margins: that rows reserved.
-        first_seed: of its episodes.
-        episodes: how many.
-        entered: how many of them entered.
-        least_h: of the strict conditions on the position.
-        least_speed_h: of the speed limit [m/s]; None where there is none.
-    """
-
-    what: str
-    margins: dict[str, float]
-    first_seed: int
-    episodes: int
-    entered: int
-    least_h: float
-    least_speed_h: float | None
+    what: str  # "round", or "search" whose attackers are no independent draws
+    margins: dict[str, float]  # that rows reserved
+    first_seed: int  # of its episodes
+    episodes: int  # how many
+    entered: int  # how many of them entered
+    least_h: float  # of the strict conditions on the position
+    least_speed_h: float | None  # of the speed limit [m/s]; None where there is none
 
 
-@dataclass(frozen=True)
-class Calibrated:
-    """Margins, and how they were found.
-
-    Attributes:
-        margins: what rows reserve.
-        rounds: what was done.
-    """
+class Calibrated(NamedTuple):
+    """Margins, and the rounds in which they were found."""
 
     margins: Uncertainty
     rounds: tuple[Round, ...]
@@ -137,18 +120,12 @@ def calibrate(
     raise RefusedError(
         f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "
         f"last {last.what} still entered, with {_units(margins)}: the plant does not do what its "
-        "model says, and no margin makes up for it; look at delay, drag and U"
+        "model predicts, and no margin makes up for it; look at delay, drag and U"
     )
 
 
 def needed(margins: Uncertainty, seen: Iterable[Seen], share: float) -> dict[str, float]:
-    """Return what all but a share of such episodes need, by constant.
-
-    Args:
-        margins: that rows reserved meanwhile.
-        seen: what the episodes showed.
-        share: p.
-    """
+    """Return what all but a share of such episodes need, by constant."""
     outcomes = list(seen)
     needs = {
         "distance": [margins.distance - s.least_h for s in outcomes],
@@ -163,12 +140,7 @@ def needed(margins: Uncertainty, seen: Iterable[Seen], share: float) -> dict[str
 
 
 def quantile(needs: ArrayLike, share: float) -> float:
-    """Return what all but a share of needs lie below, 0 where none is positive.
-
-    Args:
-        needs: (n,).
-        share: p, between 0 and 1.
-    """
+    """Return what all but a share of needs (n,) are below, 0 where none is positive."""
     x = np.sort(finite_array("needs", needs, (None,)))[::-1]
     if x[0] <= 0.0:
         return 0.0
@@ -182,11 +154,6 @@ def search(margins: Uncertainty, attack: Try, first_seed: int) -> list[Seen]:
 
     The cross-entropy method: attackers are drawn from a normal distribution that is fitted to the
     best of the generation before, over six numbers in [0, 1].
-
-    Args:
-        margins: that rows reserve.
-        attack: runs searched attackers.
-        first_seed: of the episode that the first generation meets.
     """
     rng, count = np.random.default_rng([STREAM, first_seed]), len(PARAMETERS)
     mean, spread = np.full(count, 0.5), np.full(count, 0.35)
@@ -211,24 +178,20 @@ def recorded(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -
 
 
 def _check_standing(seen: Sequence[Seen]) -> None:
-    """Refuse a plant that falls, or that the filter's own monitor takes for another one.
-
-    Raises:
-        RefusedError: if that is so in more than half of the episodes.
-    """
+    """Refuse a plant that falls, or that the filter's own monitor takes for another one."""
     falls = sum(s.fell for s in seen)
     if 2 * falls > len(seen):
         raise RefusedError(
             f"calibration: the robot fell in {falls} of {len(seen)} episodes: it cannot do what U "
-            "asks for; look at U and at the cap on the speed"
+            "requests; look at U and at the cap on the speed"
         )
     alarms = Counter(Reason(s.alarm).name for s in seen if s.alarm)
     if 2 * alarms.total() > len(seen):
         named = ", ".join(f"{name} in {count}" for name, count in alarms.most_common())
         raise RefusedError(
             f"calibration: the filter raised alarms in {alarms.total()} of {len(seen)} episodes "
-            f"({named}): the plant is not the one that is declared, or something stands between "
-            "filter and robot"
+            f"({named}): the plant is not the one that is declared, or another program "
+            "changes the filter's input"
         )
 
 
@@ -242,11 +205,7 @@ def shown(seen: Sequence[Seen]) -> Shown:
 
 
 def _check_stake(seen: Sequence[Seen]) -> None:
-    """Refuse episodes of which too few put rank 1 to the test, and warn where they may be too few.
-
-    Raises:
-        RefusedError: if they are too few by two standard deviations; by one is warned of.
-    """
+    """Refuse episodes of which too few put rank 1 to the test; warn where they may be too few."""
     found, deviation = shown(seen), 0.5 * np.sqrt(len(seen))
     why = vacuous(found, len(seen))
     short = PRESSED * len(seen) - found.pressed
@@ -258,11 +217,7 @@ def _check_stake(seen: Sequence[Seen]) -> None:
 
 
 def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> None:
-    """Refuse margins that reach the starts of most episodes, or take half of the speed.
-
-    Raises:
-        RefusedError: if they do.
-    """
+    """Refuse margins that reach the starts of most episodes, or take half of the speed."""
     room = float(np.median([s.first_h for s in seen]))
     if margins.distance >= room:
         raise RefusedError(
@@ -272,7 +227,7 @@ def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> Non
     if not leaves_speed(v_max, margins.speed):
         raise RefusedError(
             f"calibration: the row of the speed limit would reserve {margins.speed:.3g} m/s of "
-            f"{v_max:g} m/s: the margin leaves no speed; raise v_max, or lower what U asks for"
+            f"{v_max:g} m/s: the margin leaves no speed; raise v_max, or reduce U"
         )
 
 

@@ -1,18 +1,16 @@
-"""A certificate repeated: what its episodes show again, and what else of it follows from them."""
+"""A certificate repeated: its episodes, and all that follows from them and from its family."""
 
 import functools
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, is_dataclass
 
 import numpy as np
 
 from hcbf_gym import records
 from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.certificates.certificate import CALIBRATED, SEEDS
-from hcbf_gym.errors import HcbfError, InvalidInputError
-from hcbf_gym.evaluation import chunks
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.errors import HcbfError
+from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 from hcbf_lab.certification import calibration, certify, families
 from hcbf_lab.certification.families import Family, Seen, run_seed
 
@@ -24,19 +22,12 @@ SAFER = 10.0
 
 @dataclass(frozen=True)
 class Checked:
-    """What a repetition of a part showed.
+    """What a repetition of a part showed."""
 
-    Attributes:
-        episodes: how many were run again.
-        differs: in what the file does not say what came out, a phrase for each.
-        elsewhere: in what it was computed otherwise than here, a phrase for each.
-        least_h: of the repeated episodes.
-    """
-
-    episodes: int
-    differs: tuple[str, ...]
-    elsewhere: tuple[str, ...]
-    least_h: float
+    episodes: int  # how many were run again
+    differs: tuple[str, ...]  # in what the file differs from what came out, a phrase for each
+    elsewhere: tuple[str, ...]  # in what it was computed otherwise than here, a phrase for each
+    least_h: float  # of the repeated episodes
 
 
 def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Checked:
@@ -47,20 +38,11 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
         episodes: at least so many, in whole blocks.
         seed: decides which.
         runs: how they run.
-
-    Raises:
-        InvalidInputError: if the file is too old to hold what is compared.
     """
-    if certificate.shown is None:
-        raise InvalidInputError(
-            f"check: got {certificate.name!r}, which does not say what its episodes showed, "
-            "expected one that this version of `hcbf certify` wrote"
-        )
     family = families.from_dict(certificate.family)
     differs = stated_otherwise(certificate, family) + _drawn_otherwise(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))
     chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
-    frozen = _frozen(certificate, family)
     numbers = [
         number
         for block in sorted(chosen.tolist())
@@ -68,7 +50,7 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
     ]
     job = functools.partial(run_seed, family, certificate.margins)
     jobs = [certificate.first_seed + number for number in numbers]
-    seen: list[Seen] = chunks.in_order(certify.over(runs, family, job, jobs, "check"))
+    seen: list[Seen] = in_order(certify.over(runs, family, job, jobs, "check"))
     again = certify.outcome(seen, certificate.bound)
     for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
         if not _same(certificate.blocks[block], shown):
@@ -80,21 +62,14 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
             for name, value in again.items()
             if name != "blocks" and not _same(getattr(certificate, name), value)
         ]
-        differs += _recalibrated(certificate, frozen, runs)
+        differs += _recalibrated(certificate, family, runs)
     return Checked(
         len(jobs), tuple(differs), tuple(_elsewhere(certificate)), min(s.least_h for s in seen)
     )
 
 
-def _frozen(c: Certificate, family: Family) -> certify.Frozen:
-    return certify.Frozen(
-        c.name, family, c.margins, c.calibration, c.bound, c.confidence, c.attempt,
-        c.first_seed // SEEDS,
-    )  # fmt: skip
-
-
 def stated_otherwise(c: Certificate, family: Family) -> list[str]:
-    """Return in what a file says other things than its family does, a phrase for each."""
+    """Return in what a file differs from its family, a phrase for each."""
     plant, declared = certify.plant_of(family)
     expected = {
         "plant": family.certifies(declared),
@@ -127,17 +102,15 @@ def _drawn_otherwise(c: Certificate, family: Family) -> list[str]:
     return [f"strata: {stated}, expected {dict(drawn)} as the seeds draw them"]
 
 
-def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[str]:
+def _recalibrated(c: Certificate, family: Family, runs: Runs) -> list[str]:
     """Return in what margins and rounds are not those that a calibration gives."""
     if not c.calibration or c.margins is None:
         return []
     first = c.calibration[0]
     start = c.margins._replace(**{name: first["margins"][name] for name in CALIBRATED})
-    share = c.bound / SAFER
+    share, seed = c.bound / SAFER, c.first_seed // SEEDS
     try:
-        found = certify.calibrated(
-            frozen.family, start, runs, first["episodes"], share, frozen.seed
-        )
+        found = certify.calibrated(family, start, runs, first["episodes"], share, seed)
     except HcbfError as error:
         return [f"calibration: {error}"]
     return [
@@ -152,7 +125,7 @@ def _recalibrated(c: Certificate, frozen: certify.Frozen, runs: Runs) -> list[st
 
 def _elsewhere(c: Certificate) -> list[str]:
     """Return in what a certificate was computed otherwise than here."""
-    here, there = chunks.versions(), {"hcbf-gym": c.version} | dict(c.versions)
+    here, there = versions(), {"hcbf-gym": c.version} | dict(c.versions)
     return [
         f"{name} {there.get(name)} (here {here.get(name)})"
         for name in sorted({*here, *there})
@@ -162,7 +135,9 @@ def _elsewhere(c: Certificate) -> list[str]:
 
 def _same(stated: object, value: object) -> bool:
     """Return whether two are alike, numbers to within `SAME`."""
-    stated, value = records.plain(_parts(stated)), records.plain(_parts(value))
+    stated, value = (
+        records.plain(vars(one) if is_dataclass(one) else one) for one in (stated, value)
+    )
     if isinstance(stated, dict) and isinstance(value, dict):
         return set(stated) == set(value) and all(_same(stated[k], value[k]) for k in stated)
     if isinstance(stated, list) and isinstance(value, list):
@@ -170,7 +145,3 @@ def _same(stated: object, value: object) -> bool:
     if isinstance(stated, float) and isinstance(value, float):
         return abs(stated - value) <= SAME * max(1.0, abs(stated))
     return type(stated) is type(value) and stated == value
-
-
-def _parts(thing: object) -> Any:
-    return vars(thing) if hasattr(thing, "__dataclass_fields__") else thing

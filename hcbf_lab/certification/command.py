@@ -22,8 +22,8 @@ from hcbf_gym.arguments import Count, Folder, Positive, Range, Seed, Workers
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import MOST, HcbfError, InvalidInputError, RefusedError, choose
-from hcbf_gym.evaluation import attacks, chunks
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation import attacks
+from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_text
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.models.plant import Uncertainty
@@ -38,10 +38,10 @@ from hcbf_robots.walkers.walker_response import assumed
 LOWEST = 0.5
 """The lowest cap on the speed of a walker, as a share of what its contract can do."""
 SPEED_LEFT = 2.5
-"""And of what the row of its speed limit reserves before calibration: an environment asks for 2."""
+"""And of what the row of its speed limit reserves before calibration: an environment requires 2."""
 
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 
 
 Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]
@@ -65,8 +65,8 @@ class Args:
     """Where a plant may be tried again: which try this is, from 1, each with fresh episodes. The
     n-th spends 2⁻ⁿ of the doubt; 0 is the only try that there will be, and spends it all."""
     part: tuple[Episode, Episode] | None = None
-    """First episode, from 0, and the one after the last, that this machine runs in whole tens. Put
-    the chunks of all machines into one folder, and run the command without --part."""
+    """First episode, from 0, and the one after the last, that this machine runs. Put the episodes
+    of all machines into one folder, and run the command without --part."""
     episodes: Count = 50
     """Of --check: how many are repeated; all of them repeat the calibration, too."""
     calibration: Annotated[int, Range(0, MOST)] = 200
@@ -95,11 +95,11 @@ class Args:
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Folder | None = None
-    """Folder of the chunks and of the certificate; results/certify/NAME if not given."""
+    """Folder of the episodes and of the certificate; results/certify/NAME if not given."""
 
 
 def main(args: Args) -> None:
-    """Certify or check, and say what came out."""
+    """Certify or check, and print what came out."""
     runs = Runs(None, args.workers, args.backend)
     runs.check()
     console = Console()
@@ -118,12 +118,12 @@ def main(args: Args) -> None:
     settings = {
         "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
-        "calibration": args.calibration, "versions": chunks.versions(),
+        "calibration": args.calibration, "versions": versions(),
     }  # fmt: skip
     check_folder(folder, records.plain(settings))
     _try(family, args.seed)
     open_folder(folder, records.plain(settings))
-    runs = replace(runs, folder=folder / "chunks")
+    runs = replace(runs, folder=folder / "episodes")
     frozen = certify.Frozen(
         name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
     )
@@ -137,19 +137,19 @@ def main(args: Args) -> None:
     file = folder / f"{name}.json"
     certificate.save(file)
     write_text(file.with_suffix(".md"), page.page(certificate))
-    console.print(certificate.says, soft_wrap=True)
+    console.print(certificate.summary, soft_wrap=True)
     console.print(f"written to {file} and {file.with_suffix('.md')}", soft_wrap=True)
 
 
 def _run_part(frozen: certify.Frozen, runs: Runs, part: tuple[int, int], console: Console) -> None:
-    """Run a range of the episodes, whose chunks stay."""
-    seen = list(certify.in_order(frozen, runs, range(*part)))
+    """Run a range of the episodes, which stay in the folder."""
+    seen = list(certify.episodes(frozen, runs, range(*part)))
     entered = sum(one.entered for one in seen)
     console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
 
 
 def family_of(args: Args) -> Family:
-    """Return the family of episodes that the arguments ask for.
+    """Return the family of episodes that the arguments name.
 
     Raises:
         HcbfError: if there is no such plant, scene or policy.
@@ -163,7 +163,7 @@ def family_of(args: Args) -> Family:
     if ":" in args.plant:
         if args.scenes or args.v_max is not None:
             raise InvalidInputError(
-                f"certify: got scenes or v_max with {args.plant}, whose environment draws by itself"
+                f"certify: got scenes or v_max with {args.plant}, whose environment draws its own"
             )
         return OwnFamily(args.plant, **requested)
     if args.scenes:
@@ -195,12 +195,7 @@ def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
 
 
 def _try(family: Family, seed: int) -> None:
-    """Refuse what is the user's own and fails in the first steps of a family's episodes.
-
-    Raises:
-        HcbfError: as `policies.try_out` does.
-        InvalidInputError: if an environment, a plant or an attack raises an error.
-    """
+    """Refuse what is the user's own and fails in the first steps of a family's episodes."""
     if not isinstance(family, SceneFamily | OwnFamily):
         return
     for name, _ in family.policies:
@@ -211,7 +206,7 @@ def _try(family: Family, seed: int) -> None:
         own = [family.policies[0][0]]
     for name in own:
         if policies.is_own(name) and not attacks.is_attack(name):
-            env = certify.env_of(family)
+            env, _ = certify.made(family)
             policies.try_out(name, env, seed)
             env.close()
         trial = replace(family, policies=((name, 1.0),), steps=2)
@@ -220,9 +215,9 @@ def _try(family: Family, seed: int) -> None:
         except HcbfError:
             raise
         except Exception as error:  # whatever a user's environment or attack raises
-            said = str(error).strip().partition("\n")[0]
+            reason = str(error).strip().partition("\n")[0]
             raise InvalidInputError(
-                f"certify: got {type(error).__name__}: {said} in the first steps of an episode "
+                f"certify: got {type(error).__name__}: {reason} in the first steps of an episode "
                 f"with the policy {name!r}, expected none"
             ) from error
 
@@ -266,11 +261,7 @@ def _margins(
 
 
 def _check(args: Args, runs: Runs, console: Console) -> None:
-    """Repeat a part of a certificate; what was kept would be no repetition.
-
-    Raises:
-        RefusedError: if it is not the same.
-    """
+    """Repeat a part of a certificate; what was kept would be no repetition."""
     assert args.check is not None
     file = certificates.file_of(args.check)
     certificate = Certificate.load(file)
@@ -281,10 +272,10 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
     if certificate.name != file.stem:
         differs.append(f"name: {certificate.name!r}, expected {file.stem!r} as the file's")
     if differs:
-        raise RefusedError(f"check: {certificate.name!r} is not what it says: {'; '.join(differs)}")
+        raise RefusedError(f"check: {certificate.name!r} cannot be repeated: {'; '.join(differs)}")
     console.print(
-        f"{certificate.says}; {checked.episodes} of them repeated, with the same entries and least "
-        f"h {checked.least_h:+.6g}",
+        f"{certificate.summary}; {checked.episodes} of them repeated, with the same entries and "
+        f"least h {checked.least_h:+.6g}",
         soft_wrap=True,
     )
 

@@ -4,12 +4,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym import policies, records, scenarios
+from hcbf_gym import loading, policies, records, scenarios
 from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
@@ -17,7 +17,7 @@ from hcbf_gym.errors import (
     choose,
     finite_float,
 )
-from hcbf_gym.evaluation import environments, own_environment
+from hcbf_gym.evaluation import environments
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS, ON_ANY_MODEL
 from hcbf_gym.models.plant import Uncertainty
@@ -39,104 +39,23 @@ Shares = tuple[tuple[str, float], ...]
 Episode = AttackedEpisode | own.OwnEpisode
 
 
-class Family(Protocol):
-    """A frozen dataclass of JSON's types that says what a seed stands for."""
-
-    def episode(self, seed: int) -> Episode:
-        """Return the episode that a seed decides."""
-        ...
-
-    def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
-        """Return what a plant must declare to be the one of these episodes."""
-        ...
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What it is, in sentences."""
-        ...
-
-    @property
-    def files(self) -> list[Path]:
-        """The user's files that decide the episodes."""
-        ...
-
-
 class Seen(NamedTuple):
-    """What one episode showed, as far as a certificate reads it.
+    """What one episode showed, as far as a certificate reads it."""
 
-    Attributes:
-        policy: its name.
-        scene: the family of its scene.
-        least_h: of the strict conditions on the position, or of the body's [unit of h].
-        least_speed_h: of a strict speed limit [m/s]; infinite where there is none.
-        first_h: least strict h at the reset.
-        fell: whether the robot fell.
-        alarm: the last `Reason` that was an alarm; 0 for none.
-        steps: how many it took.
-        pressed: whether the filter had to change an input that would have entered.
-    """
-
-    policy: str
-    scene: str
-    least_h: float
-    least_speed_h: float
-    first_h: float
-    fell: bool
-    alarm: int = 0
-    steps: int = 0
-    pressed: bool = False
+    policy: str  # its name
+    scene: str  # the family of its scene
+    least_h: float  # of the strict conditions on the position, or of the body's [unit of h]
+    least_speed_h: float  # of a strict speed limit [m/s]; infinite where there is none
+    first_h: float  # least strict h at the reset
+    fell: bool  # whether the robot fell
+    alarm: int = 0  # the last `Reason` that was an alarm; 0 for none
+    steps: int = 0  # how many it took
+    pressed: bool = False  # whether the filter had to change an input that would have entered
 
     @property
     def entered(self) -> bool:
         """Whether a condition of rank 1 was broken."""
         return not (self.least_h >= 0.0 and self.least_speed_h >= 0.0)
-
-
-def run_seed(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
-    """Run the episode of a seed.
-
-    Args:
-        family: it belongs to.
-        margins: what rows reserve; None is the plant's own.
-        seed: of the episode.
-    """
-    return _run(family.episode(seed), margins)
-
-
-def run_searched(
-    family: Family, margins: Uncertainty, searched: tuple[int, tuple[float, ...]]
-) -> Seen:
-    """Run the episode of a seed with the attacker that a search tries.
-
-    Args:
-        family: it belongs to.
-        margins: what rows reserve.
-        searched: the seed, and the attacker's parameters.
-    """
-    seed, parameters = searched
-    return _run(replace(family.episode(seed), attack=SEARCHED, parameters=parameters), margins)
-
-
-def _run(episode: Episode, margins: Uncertainty | None) -> Seen:
-    """Run an episode, and keep what a certificate reads of it."""
-    if margins is not None:
-        episode = replace(episode, uncertainty=margins)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what is not covered yet; alarms are in the outcome
-        outcome = episode.run()
-    body = outcome.least_body_h
-    return Seen(
-        *stratum_of(episode), outcome.least_h if np.isinf(body) else body, outcome.least_speed_h,
-        outcome.first_h, outcome.fell, outcome.alarm, outcome.steps, outcome.pressed,
-    )  # fmt: skip
-
-
-def stratum_of(episode: Episode) -> tuple[str, str]:
-    """Return an episode's policy, and the family of its scene."""
-    guided = "guidance" in (episode.filter_options or {})
-    scene = episode.scenario
-    name = str(scene["name"]) if isinstance(scene, Mapping) else str(scene)
-    return episode.attack + GUIDED * guided, name
 
 
 HOSTILE = tuple((name, 1.0) for name in ATTACKS)
@@ -147,26 +66,18 @@ FRIENDLY = (("pd", 1.0), ("pd guided", 1.0), *((name, 0.5) for name in learned.n
 
 @dataclass(frozen=True)
 class SceneFamily:
-    """Attacked episodes of one of this package's environments in random scenes.
+    """Attacked episodes of one of this package's environments in random scenes."""
 
-    Args:
-        env: its id.
-        options: further arguments of it.
-        scenes: families of scenes, with the weight of each.
-        policies: attacks and policies, with the weight of each.
-        caps: least and greatest strict cap on the speed [m/s]: in a third of the episodes each of
-            the two, else one between them; None for the scene's own.
-        steps: the most that an episode takes.
-        program: of the filter.
-    """
-
-    env: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    env: str  # its id
+    options: Mapping[str, Any] = field(default_factory=dict)  # further arguments of it
+    # families of scenes, with the weight of each
     scenes: Shares = tuple((name, 1.0) for name in SCENES)
-    policies: Shares = (*HOSTILE, *FRIENDLY)
+    policies: Shares = (*HOSTILE, *FRIENDLY)  # attacks and policies, with the weight of each
+    # least and greatest strict cap on the speed [m/s]: in a third of the episodes each of the two,
+    # else one between them; None for the scene's own
     caps: tuple[float, float] | None = None
-    steps: int = 1000
-    program: str = "lex-cbf-qp"
+    steps: int = 1000  # the most that an episode takes
+    program: str = "lex-cbf-qp"  # of the filter
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scenes", _shares("scenes", self.scenes))
@@ -199,15 +110,11 @@ class SceneFamily:
 
     @property
     def _exact(self) -> bool:
-        """Whether the robot is its model, so that its way between two samples is known."""
+        """Whether the robot is its model, so that its path between two samples is known."""
         return self.env == "HCBF-Regions-v0"
 
     def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
-        """Return what a plant must declare to be the one of these episodes.
-
-        Args:
-            declared: what the plant of one of them declares.
-        """
+        """Return what a plant must declare to be the one of these episodes."""
         scenes = [family.identity for family in self._families]
         wanted = dict(declared) | {"scene": {"any of": scenes}}
         if self.caps is not None:
@@ -247,17 +154,11 @@ class SceneFamily:
 
 
 def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> Shares:
-    """Return all policies that can act in scenes: a learned one knows observations of one shape.
-
-    Args:
-        env: id of an environment.
-        options: further arguments of it.
-        scenes: families of scenes.
-    """
+    """Return all policies that can act in scenes: a learned one fits observations of one shape."""
     able = set(learned.names())
     for scene in scenes:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", CoverageWarning)  # whether they are is not asked
+            warnings.simplefilter("ignore", CoverageWarning)  # it is not the question
             made = gym.make(env, scenario=scene, **options)
         able &= set(learned.fitting(made))
         made.close()
@@ -267,19 +168,13 @@ def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class OwnFamily:
-    """Attacked episodes of a user's own environment and plant.
+    """Attacked episodes of a user's own environment and plant."""
 
-    Args:
-        source: ``module:function`` or ``file.py:function`` that returns (environment, plant).
-        policies: of `attacks.ON_ANY_MODEL`, or the user's own, with the weight of each.
-        steps: the most that an episode takes.
-        program: of the filter.
-    """
-
-    source: str
+    source: str  # ``module:function`` or ``file.py:function`` that returns (environment, plant)
+    # of `attacks.ON_ANY_MODEL`, or the user's own, with the weight of each
     policies: Shares = tuple((name, 1.0) for name in ON_ANY_MODEL)
-    steps: int = 500
-    program: str = "lex-cbf-qp"
+    steps: int = 500  # the most that an episode takes
+    program: str = "lex-cbf-qp"  # of the filter
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "policies", _shares("policies", self.policies))
@@ -311,7 +206,7 @@ class OwnFamily:
     @property
     def files(self) -> list[Path]:
         """The user's files that decide the episodes."""
-        return own_environment.files(self.source) + _files_of(self.policies)
+        return loading.files(self.source) + _files_of(self.policies)
 
 
 ROUNDING = 1e-9
@@ -320,26 +215,56 @@ KINDS: dict[str, type] = {"scenes": SceneFamily, "own": OwnFamily, "a1-mixture":
 """kind → family, as a certificate's JSON names it."""
 
 
+Family = SceneFamily | OwnFamily | A1Mixture
+
+
+def run_seed(family: Family, margins: Uncertainty | None, seed: int) -> Seen:
+    """Run the episode of a seed, with the plant's own margins for None."""
+    return _run(family.episode(seed), margins)
+
+
+def run_searched(
+    family: Family, margins: Uncertainty, searched: tuple[int, tuple[float, ...]]
+) -> Seen:
+    """Run the episode of a seed with the attacker that a search tries: (seed, its parameters)."""
+    seed, parameters = searched
+    return _run(replace(family.episode(seed), attack=SEARCHED, parameters=parameters), margins)
+
+
+def _run(episode: Episode, margins: Uncertainty | None) -> Seen:
+    """Run an episode, and keep what a certificate reads of it."""
+    if margins is not None:
+        episode = replace(episode, uncertainty=margins)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that it is not covered yet; alarms are in the outcome
+        outcome = episode.run()
+    body = outcome.least_body_h
+    return Seen(
+        *stratum_of(episode), outcome.least_h if np.isinf(body) else body, outcome.least_speed_h,
+        outcome.first_h, outcome.fell, outcome.alarm, outcome.steps, outcome.pressed,
+    )  # fmt: skip
+
+
+def stratum_of(episode: Episode) -> tuple[str, str]:
+    """Return an episode's policy, and the family of its scene."""
+    guided = "guidance" in (episode.filter_options or {})
+    scene = episode.scenario
+    name = str(scene["name"]) if isinstance(scene, Mapping) else str(scene)
+    return episode.attack + GUIDED * guided, name
+
+
 def to_dict(family: Family) -> dict[str, object]:
     """Return a family in JSON's terms."""
     return records.to_dict(family, KINDS)
 
 
 def from_dict(data: Mapping[str, object]) -> Family:
-    """Return the family that `to_dict` made this of.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return the family that `to_dict` made this of."""
     return records.from_dict("family", data, KINDS)
 
 
 def _shares(what: str, given: Sequence[Sequence[Any]]) -> Shares:
-    """Return names with their shares, which sum to 1.
-
-    Raises:
-        InvalidInputError: if there is no name, or a weight that is not positive.
-    """
+    """Return names with their shares, which sum to 1."""
     pairs = [(str(name), finite_float(f"{what}: {name}", w, minimum=0.0)) for name, w in given]
     total = sum(weight for _, weight in pairs)
     if total <= 0.0:

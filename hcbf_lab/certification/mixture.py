@@ -61,32 +61,24 @@ class A1Mixture:
     What a plant declares is drawn in one of three ways. At the *extremes*, every condition is that
     end of its range which is farther from the nominal plant, and the ground is rough. By *ranges*,
     every condition is declared as its whole range, from which the environment draws. Else, each
-    condition is by itself nominal, at that end, or any number of its range.
-
-    Args:
-        extremes: share of plants at the extremes.
-        ranges: share of plants that are declared by ranges.
-        nominal: chance that a condition of the other plants is nominal.
-        end: chance that one that is not lies at the end of its range; of the payload's place, too.
-        rough: chance of rough ground, of plants that are not at the extremes.
-        estimated: chance that the robot knows no more than an estimate, of a preset of sensors.
-        footprint: chance that the whole robot must stay outside, not the trunk's centre alone.
-        steps: the most that an episode takes.
-        program: of the filter.
+    condition is, independently, nominal, at that end, or any number of its range.
 
     Raises:
         InvalidInputError: if a chance is not in [0, 1], or the two shares are more than all.
     """
 
-    extremes: float = 0.1
-    ranges: float = 0.2
-    nominal: float = 0.5
+    extremes: float = 0.1  # share of plants at the extremes
+    ranges: float = 0.2  # share of plants that are declared by ranges
+    nominal: float = 0.5  # chance that a condition of the other plants is nominal
+    # chance that one that is not is at the end of its range; of the payload's place, too
     end: float = 0.5
-    rough: float = 0.4
+    rough: float = 0.4  # chance of rough ground, of plants that are not at the extremes
+    # chance that the robot knows no more than an estimate, of a preset of sensors
     estimated: float = 0.4
+    # chance that the whole robot must stay outside, not the trunk's centre alone
     footprint: float = 0.4
-    steps: int = 1000
-    program: str = "lex-cbf-qp"
+    steps: int = 1000  # the most that an episode takes
+    program: str = "lex-cbf-qp"  # of the filter
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -140,11 +132,7 @@ class A1Mixture:
         }
 
     def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
-        """Return what a plant must declare to be one of these.
-
-        Args:
-            declared: what the plant of one of these episodes declares.
-        """
+        """Return what a plant must declare to be one of these."""
         worst = sensors.PRESETS["uwb"]
         slow = ("rate", "drift_time", "orientation_time", "slip_time")
         bounds = {f.name: "from" if f.name in slow else "to" for f in fields(worst)}

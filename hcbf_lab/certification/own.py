@@ -28,28 +28,19 @@ HELD = 0.04
 
 @dataclass(frozen=True)
 class OwnEpisode:
-    """What to run.
+    """What to run."""
 
-    Args:
-        source: as `make` takes it.
-        attack: one of `attacks.ON_ANY_MODEL`, "searched" with parameters, or a policy as
-            `policies.make` takes it.
-        seed: of the environment and the attack.
-        steps: the most that it takes.
-        filter_options: arguments of `SafetyFilter`.
-        parameters: of the searched attacker, as `attacks.Searched` takes them.
-        uncertainty: what rows reserve; None is the plant's own.
-        scenario: what counts call the scenes, which the environment draws by itself.
-    """
-
-    source: str
+    source: str  # as `make` takes it
+    # one of `attacks.ON_ANY_MODEL`, "searched" with parameters, or a policy as `policies.make`
+    # takes it
     attack: str
-    seed: int
-    steps: int
-    filter_options: Mapping[str, Any] | None = None
+    seed: int  # of the environment and the attack
+    steps: int  # the most that it takes
+    filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
+    # of the searched attacker, as `attacks.Searched` takes them
     parameters: tuple[float, ...] | None = None
-    uncertainty: Uncertainty | None = None
-    scenario: str = "own"
+    uncertainty: Uncertainty | None = None  # what rows reserve; None is the plant's own
+    scenario: str = "own"  # the name of the scenes in counts, which the environment draws
 
     def run(self) -> Outcome:
         """Run the episode to its end; a start counts in its least h where it is inside alone.
@@ -74,7 +65,6 @@ class OwnEpisode:
         return replace(outcome, first_h=view.first_h)
 
     def _act(self, plant: Plant, view: "Foresight", filtered: wrappers.SafetyFilter) -> Act:
-        """Return what acts in the filtered environment."""
         if self.parameters is None and not attacks.is_attack(self.attack):
             return policies.make(self.attack, filtered)
         attack = attacks.make(self.attack, self.seed, self.parameters)
@@ -159,11 +149,7 @@ class Foresight:
     ) -> Array:
         """Return the corner of U that lowers nearest·h₁ + second·h₂ the most, `AHEAD` later.
 
-        Args:
-            nearest: weight of the least strict h on the position.
-            second: weight of the second least.
-            sideways: not read: no edge is known of any model.
-            speed: likewise.
+        `sideways` and `speed` are not read: no edge is known of any model.
         """
         if self.time >= self._until or (nearest, second) != self._weights:
             now, model = self.now, self._plant.model
@@ -176,24 +162,16 @@ class Foresight:
 
 
 def _truth(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Truth:
-    """Return what a plant's readers say, and the infos' min_h where that is less.
-
-    Args:
-        plant: whose readers are asked.
-        env: unwrapped.
-        sample: the newest.
-        counted: the time where the plant tells none [s].
-        placing: since when shapes count in this episode.
-    """
-    said = reading(plant, env, sample, counted, placing)
-    rank = np.array([condition.rank for condition in said.conditions], dtype=np.int64)
-    if not ((rank == 1) & said.reads_position).any():
+    """Return what a plant's readers return, and the infos' min_h where that is less."""
+    now = reading(plant, env, sample, counted, placing)
+    rank = np.array([condition.rank for condition in now.conditions], dtype=np.int64)
+    if not ((rank == 1) & now.reads_position).any():
         raise InvalidInputError(
             f"certify: got {len(rank)} barriers and none of priority 1 on the state, "
             "expected at least one"
         )
-    h = said.h
+    h = now.h
     if "min_h" in sample.info:
         h = np.minimum(h, least_reported(sample.info["min_h"], len(rank)))
     h = np.where(np.isfinite(h), h, -np.inf)
-    return truth(said.x, said.time, h, rank, said.reads_position, said.along)
+    return truth(now.x, now.time, h, rank, now.reads_position, now.along)

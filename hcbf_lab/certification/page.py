@@ -1,4 +1,4 @@
-"""The page of a certificate: what it says, what it was drawn from, and what it does not say."""
+"""The page of a certificate: its bound, how it was drawn, and its limits."""
 
 from collections.abc import Mapping
 
@@ -11,14 +11,14 @@ from hcbf_gym.evaluation.tables import Table
 SILENT = (
     "Of an attacker, a scene or a start that is not drawn as below, nothing: a policy that was "
     "trained against this plant may enter more often than the mixture of these.",
-    "Of one scene or one policy alone, only the bound of its own line below.",
+    "Of one scene or one policy alone, only the bound of that line below.",
     "Of a real robot, nothing: the plant is the simulated one, and its files are hashed.",
     "Of a second episode after an alarm, and of what happens while the filter brakes, nothing "
     "beyond what these episodes held.",
     "Of tries that are not declared: several on fresh seeds share the doubt by `--try`; one alone "
     "may be looked at, stopped and continued at no price.",
 )
-"""What no certificate says, a sentence for each."""
+"""Limits of every certificate, a sentence for each."""
 
 
 def page(certificate: Certificate) -> str:
@@ -33,7 +33,7 @@ def page(certificate: Certificate) -> str:
         f"e = {c.e_value:.4g} ({_try(c)}). The least h was {c.least_h:+.4g}; the robot "
         f"fell in {c.falls}, and the filter raised an alarm in {c.alarms}.",
         "",
-        *_stakes(c),
+        _stakes(c),
         "",
         "Bounds for every weighting of its families: "
         + ", ".join(f"{bound:.3g} of {name}" for name, bound in c.weightings.items())
@@ -50,7 +50,7 @@ def page(certificate: Certificate) -> str:
         "",
         Table("", ("name", "certified"), [(n, _cell(v)) for n, v in c.plant.items()]).markdown(),
         "",
-        "## What it does not say",
+        "## Limits",
         *(f"- {sentence}" for sentence in SILENT),
         "",
         "## Who was drawn",
@@ -67,24 +67,22 @@ def page(certificate: Certificate) -> str:
 def _try(c: Certificate) -> str:
     """Return which try it was, and what it had to reach."""
     which = "the only try" if c.attempt == 0 else f"try {c.attempt}"
-    return f"{which}, which asks for {1.0 / c.doubt:,.4g} at least"
+    return f"{which}, which needs {1.0 / c.doubt:,.4g} at least"
 
 
-def _stakes(c: Certificate) -> list[str]:
+def _stakes(c: Certificate) -> str:
     """Return how much was put to the test."""
-    if c.shown is None:
-        return ["What was put to the test is not known: the file is too old."]
-    return [
+    return (
         f"In {c.shown.pressed / c.episodes:.0%} of the episodes the filter had to change an input "
-        f"that would have entered rank 1 within a second ({PRESSED:.0%} are asked for, so that the "
+        f"that would have entered rank 1 within a second ({PRESSED:.0%} are required, so that the "
         "chance in such an episode is at most twice the bound). Half of the episodes came within "
         f"{c.shown.half_within:.3g}, and half lasted {c.shown.half_last} steps or more."
-    ]
+    )
 
 
 def _margins(c: Certificate) -> str:
     if c.margins is None:
-        return "Rows reserve what the plant's own law says for each episode."
+        return "Rows reserve what the plant's own law gives for each episode."
     listed = ", ".join(f"{name} {value:.4g}" for name, value in c.margins._asdict().items())
     return f"Rows reserve: {listed}."
 

@@ -1,7 +1,7 @@
 """Open a playground in the browser: drag regions, steer, push, and watch who pays for whom."""
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -43,7 +43,7 @@ class Args:
     gamma0: Amount = 5.0
     """Weight γ₀, where the program has one."""
     delta_gamma: Amount = 1.3
-    """Slope Δγ of the weight, likewise."""
+    """Slope Δγ of the weight, where the program has one."""
     seed: Seed = 0
     """Of random scenes and of the episode."""
 
@@ -51,18 +51,10 @@ class Args:
 def main(args: Args) -> None:
     """Serve the page until Ctrl-C."""
     check_port(args.port)
-    settings = Settings(
-        model=args.model,
-        body=args.body,
-        policy=args.policy,
-        program=args.program,
-        guidance=args.guidance,
-        margin=args.margin,
-        gamma0=args.gamma0,
-        delta_gamma=args.delta_gamma,
-        seed=args.seed,
-    )
-    session = Session(settings, scene(args))
+    chosen = {f.name: getattr(args, f.name) for f in fields(Settings) if f.name != "returns"}
+    settings = Settings(**chosen)
+    scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
+    session = Session(settings, scene)
     if settings.policy != HUMAN:
         policies.try_out(settings.policy, session.environment)
         session.restart()
@@ -83,12 +75,3 @@ def main(args: Args) -> None:
         stop.set()
         simulation.join(timeout=5.0)
         page.close()
-
-
-def scene(args: Args) -> str | dict[str, object]:
-    """Return the scene that was asked for.
-
-    Raises:
-        InvalidInputError: if there are masks and no map.
-    """
-    return scenarios.on_map(args.map, args.masks, args.slow, args.scenario)

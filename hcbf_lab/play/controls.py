@@ -17,7 +17,7 @@ from hcbf_lab.play.steering import Steering
 
 
 class Event(Protocol):
-    """What viser tells of a touch."""
+    """A touch, as viser reports it."""
 
     @property
     def client(self) -> viser.ClientHandle | None:
@@ -41,13 +41,7 @@ WIDEST_MARGIN = 0.3
 
 
 class Controls:
-    """The buttons, sliders and handles of a page.
-
-    Args:
-        server: of the page.
-        session: what they command.
-        steering: who may touch them.
-    """
+    """The buttons, sliders and handles of a page, which command a session."""
 
     def __init__(self, server: viser.ViserServer, session: Session, steering: Steering):
         self._server, self._session, self._steering = server, session, steering
@@ -71,7 +65,7 @@ class Controls:
         return self._follow.value
 
     def stale(self) -> bool:
-        """Return whether the page shows what is not so, once."""
+        """Return whether the page shows old values, once."""
         stale = self._stale
         self._stale = False
         return stale
@@ -84,7 +78,7 @@ class Controls:
             self._set_stick(0.0, 0.0)
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Hold the stick on the robot while nobody drags it."""
+        """Hold the stick on the robot while it is not dragged."""
         self._stick.visible = snapshot.settings.policy == "human"
         if not self._held:
             self._stick.position = (*snapshot.position.tolist(), 0.5)
@@ -97,7 +91,7 @@ class Controls:
         if settings.model not in self._model.options:  # a contract's path
             self._model.options = (*self._model.options, settings.model)
         self._policy.value, self._program.value = settings.policy, settings.program
-        self._goes_on.value = settings.goes_on
+        self._returns.value = settings.returns
         self._model.value, self._guidance.value = settings.model, settings.guidance
         self._gamma0.value, self._delta_gamma.value = settings.gamma0, settings.delta_gamma
         self._body.value = settings.body
@@ -134,10 +128,7 @@ class Controls:
         self._gizmo.position = (x, y, 0.1)
 
     def _if_steering(self, act: Act[E]) -> Act[E]:
-        """Return a callback that obeys the browser that steers, and tells others that they don't.
-
-        What the page itself changes comes back without a browser, and is no command.
-        """
+        """Return a callback that obeys the browser that steers, and notifies the others."""
 
         def callback(event: E) -> None:
             if event.client is None:
@@ -181,8 +172,8 @@ class Controls:
             pace = gui.add_slider("pace", min=0.1, max=2.0, step=0.1, initial_value=1.0)
             self._on_value(pace, session.set_pace)
             self._follow = gui.add_checkbox("follow the robot", True)
-            goes_on = gui.add_checkbox("go on after the goal", True)
-            self._goes_on = self._on_choice(goes_on, "goes_on")
+            returns = gui.add_checkbox("return after the goal", True)
+            self._returns = self._on_choice(returns, "returns")
             seed = gui.add_number("seed", 0, min=0, max=10**6, step=1)
             self._seed = self._on_choice(seed, "seed")
 

@@ -31,11 +31,7 @@ PATH_POINTS = 400
 
 
 class Stage:
-    """The three-dimensional scene of a page.
-
-    Args:
-        server: whose scene it is.
-    """
+    """The three-dimensional scene of a page."""
 
     def __init__(self, server: viser.ViserServer):
         self._scene = server.scene
@@ -104,7 +100,7 @@ class Stage:
         self._path = []
 
     def move(self, position: Array, poses: Array | None, reference: Array, t: float) -> None:
-        """Put the robot, what moves by itself and the reference's point where they are."""
+        """Put the robot, moving regions and the reference's point where they are."""
         for body, handle in self._bodies:
             if poses is None:
                 handle.position = (*position.tolist(), 0.1)
@@ -131,7 +127,7 @@ class Stage:
         self._line.points = pairs
 
     def show_field(self, scenario: Scenario | None) -> None:
-        """Draw which way the guidance field leads from everywhere, or nothing.
+        """Draw where the guidance field leads from everywhere, or nothing.
 
         Raises:
             InvalidInputError: if there is no field, as where the goal lies in a strict region.
@@ -207,7 +203,7 @@ class Stage:
 
 
 def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
-    """Return the regions of a scene, each with a height of its own [m], so that none flickers.
+    """Return the regions of a scene, each with another height [m], so that none flickers.
 
     They are opaque as well: a browser would blend them or not, as it happens to sort them.
     """

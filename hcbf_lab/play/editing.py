@@ -12,11 +12,7 @@ from hcbf_gym.scenarios import Scenario
 
 
 def region(scenario: Scenario, name: str) -> Barrier:
-    """Return the region of that name.
-
-    Raises:
-        UnknownNameError: if there is none; the message lists the names.
-    """
+    """Return the region of that name."""
     return choose("region", name, {barrier.name: barrier for barrier in scenario.barriers})
 
 
@@ -26,27 +22,18 @@ def names(scenario: Scenario) -> list[str]:
 
 
 def position(barrier: Barrier, t: float = 0.0) -> Array:
-    """Return (2,) where a region is taken hold of at time t: its centre, or a point of a wall [m].
-
-    Raises:
-        InvalidInputError: if the barrier is no region.
-    """
+    """Return (2,) the handle of a region at time t: its centre, or a point of a wall [m]."""
     shape = _shape(barrier)
     return shape.anchor + t * shape.frame_velocity
 
 
 def size(barrier: Barrier) -> float | None:
-    """Return a radius, or what stands for one [m]; a wall has none."""
+    """Return a region's radius, or its like [m]; a wall has none."""
     return barrier.size if isinstance(barrier, Shape) else None
 
 
 def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> Scenario:
-    """Return the scene with a region where it is `to` (2,) [m] at time t [s].
-
-    Raises:
-        UnknownNameError: if there is no such region.
-        InvalidInputError: if the position is not finite.
-    """
+    """Return the scene with a region where it is `to` (2,) [m] at time t [s]."""
     barrier = region(scenario, name)
     target = finite_array(f"{name}: position", to, (2,))
     step = target - position(barrier, t)
@@ -54,24 +41,14 @@ def move(scenario: Scenario, name: str, to: Sequence[float], t: float = 0.0) -> 
 
 
 def resize(scenario: Scenario, name: str, new_size: float) -> Scenario:
-    """Return the scene with a region of another size [m] and the same shape.
-
-    Raises:
-        UnknownNameError: if there is no such region.
-        InvalidInputError: if the size is not positive, or the region is a wall.
-    """
+    """Return the scene with a region of another size [m] and the same shape."""
     barrier = region(scenario, name)
     new_size = finite_float(f"{name}: size", new_size, minimum=0.0, exclusive=True)
     return _with(scenario, barrier, _shape(barrier).resized(new_size))
 
 
 def rank(scenario: Scenario, name: str, priority: int) -> Scenario:
-    """Return the scene with a region of another rank; ranks without a region close up.
-
-    Raises:
-        UnknownNameError: if there is no such region.
-        InvalidInputError: if the rank is no positive integer.
-    """
+    """Return the scene with a region of another rank; ranks without a region close up."""
     barrier = region(scenario, name)
     ranked = replace(barrier, priority=priority)
     others = tuple(ranked if other is barrier else other for other in scenario.barriers)
@@ -88,11 +65,7 @@ def to_json(scenario: Scenario) -> bytes:
 
 
 def from_json(content: bytes) -> Scenario:
-    """Return the scene that a file holds.
-
-    Raises:
-        InvalidInputError: if it is not JSON, or no scene.
-    """
+    """Return the scene that a file holds."""
     try:
         data = json.loads(content)
     except (ValueError, RecursionError) as error:
@@ -101,11 +74,7 @@ def from_json(content: bytes) -> Scenario:
 
 
 def _shape(barrier: Barrier) -> Shape:
-    """Return the barrier, if it is a region.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return the barrier, if it is a region."""
     if isinstance(barrier, Shape):
         return barrier
     raise InvalidInputError(

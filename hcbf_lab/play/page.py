@@ -26,7 +26,7 @@ RATE = 40.0
 SLOWER = 5
 NEAREST = 0.1
 """What is nearer to the camera is not drawn [m]; ten times viser's own, so that a depth buffer can
-tell regions apart that lie a millimetre above each other."""
+distinguish regions that are a millimetre above each other."""
 OFF_CENTRE = 1.0
 """How far the robot gets from its place in the view before the camera follows [m]."""
 PANEL = 400
@@ -39,18 +39,11 @@ class Page:
     """A web server that shows a session and takes its commands.
 
     Viser retains only the newest of every value that a browser has not fetched yet, so a slow one
-    is neither waited for nor remembered. While nobody watches, time stands still. It listens at
-    this machine alone.
+    delays nothing. Without a browser, time stops. It listens at this machine alone.
 
     Args:
         session: what is shown.
         port: the port; None takes the first free one from 8080 on, 0 any free one.
-
-    Attributes:
-        port: the port that it is.
-        address: what to open in a browser.
-        steering: who steers.
-        controls: what can be touched.
 
     Raises:
         InvalidInputError: if the port is taken.
@@ -86,10 +79,7 @@ class Page:
         self._server.initial_camera.look_at = (x, y, 0.0)
         self._server.initial_camera.near = NEAREST
         self._watched: bool | None = None
-        self._revision = -1
-        self._time = -1.0
-        self._body = object()
-        self._count = 0
+        self._revision, self._time, self._body, self._count = -1, -1.0, object(), 0
 
     def run(self, stop: threading.Event, alive: threading.Thread) -> None:
         """Show the session until `stop` is set, or until its thread has ended."""
@@ -138,7 +128,7 @@ class Page:
         camera, first = client.camera, self._server.initial_camera
         views = (camera.position, first.position), (camera.look_at, first.look_at)
         if not all(np.allclose(*pair, atol=1e-3) for pair in views):
-            return  # who brings a view of their own keeps it
+            return  # a view that the browser brought stays
         aside = beside_the_panel(camera)
         self._aside[client.client_id] = aside
         camera.position = camera.position + aside
@@ -166,7 +156,7 @@ class Page:
     def _who_steers(self) -> str:
         watching = len(self._server.get_clients())
         holder = self.steering.holder
-        who = "nobody steers yet" if holder is None else f"browser {holder} steers"
+        who = "no one steers yet" if holder is None else f"browser {holder} steers"
         return f"{who}, {watching} connected"
 
 

@@ -15,12 +15,7 @@ _HEIGHT = 150
 
 
 class Plots:
-    """Three plots in a part of the page.
-
-    Args:
-        server: of the page.
-        place: the part of the page.
-    """
+    """Three plots in a part of the page."""
 
     def __init__(self, server: viser.ViserServer, place: viser.GuiTabHandle):
         self._server, self._place = server, place

@@ -34,12 +34,7 @@ _TITLES = {
 
 
 def html(snapshot: Snapshot, steering: str) -> str:
-    """Return what the page says about a tick.
-
-    Args:
-        snapshot: the record of the tick.
-        steering: who steers.
-    """
+    """Return the readings of a tick."""
     color = _STATUS_COLORS.get(snapshot.status, "#555555")
     ranks = "".join(
         f'<tr><td style="color:{priority_color(rank)};font-weight:600">rank {rank}</td>'
@@ -64,7 +59,7 @@ def html(snapshot: Snapshot, steering: str) -> str:
         f"{_span('sentence', snapshot.sentence)}</div>"
         f'<div style="color:#777">{_span("conflict", snapshot.conflict)}</div>'
         '<table style="width:100%;text-align:right"><tr style="color:#777">'
-        "<td></td><td>distance now</td><td>least</td><td>gives way by</td></tr>"
+        "<td></td><td>distance now</td><td>least</td><td>relaxed by</td></tr>"
         f"{ranks}</table>"
         f'<div class="hcbf-details" style="color:#777">{others}</div>'
         f"<div>{_span('policy', settings.policy)} under {_span('program', settings.program)} in "

@@ -1,4 +1,4 @@
-"""What a step of the playground says: a record of readings and one plain sentence."""
+"""The report of a tick of the playground: a record of readings and one plain sentence."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,60 +20,37 @@ UNFILTERED = "UNFILTERED"
 
 
 class Snapshot(NamedTuple):
-    """All that a page shows of one tick; its arrays are nobody else's.
+    """All that a page shows of one tick; its arrays are copies."""
 
-    Attributes:
-        time: since the restart [s].
-        pace: simulated seconds in a second of the clock.
-        running: whether time goes on.
-        position: (2,) of the trunk [m].
-        velocity: (2,) [m/s].
-        reference: (2,) where the reference is now, or the goal [m].
-        body: the compiled MuJoCo scene, None for the reduced-order model; another object after
-            another start.
-        poses: (k, 7) position and quaternion of its bodies.
-        h: rank → the least h of its regions [m].
-        least: rank → the least h since the restart, the last push or the last change [m].
-        slack: rank → the largest violation of its rows [m/s²].
-        speed_margin: h of the speed limit [m/s]; None without one.
-        intervention: ‖u − u*‖ [m/s²].
-        status: a `FilterStatus`'s name, or "UNFILTERED".
-        sentence: what is going on, in plain words.
-        conflict: which rows conflict, or nothing.
-        details: what else `info["safety_filter"]` says, in words.
-        settings: what was chosen.
-        scenario: the scene.
-        revision: counts what changed settings or scene, or was refused.
-        message: the last message to the person.
-        messages: counts them.
-    """
-
-    time: float
-    pace: float
-    running: bool
-    position: Array
-    velocity: Array
-    reference: Array
+    time: float  # since the restart [s]
+    pace: float  # simulated seconds in a second of the clock
+    running: bool  # whether time advances
+    position: Array  # (2,) of the trunk [m]
+    velocity: Array  # (2,) [m/s]
+    reference: Array  # (2,) where the reference is now, or the goal [m]
+    # the compiled MuJoCo scene, None for the reduced-order model; another object after another
+    # start
     body: "mujoco.MjModel | None"
-    poses: Array | None
-    h: dict[int, float]
+    poses: Array | None  # (k, 7) position and quaternion of its bodies
+    h: dict[int, float]  # rank → the least h of its regions [m]
+    # rank → the least h since the restart, the last push or the last change [m]
     least: dict[int, float]
-    slack: dict[int, float]
-    speed_margin: float | None
-    intervention: float
-    status: str
-    sentence: str
-    conflict: str
-    details: dict[str, str]
-    settings: Settings
-    scenario: Scenario
-    revision: int
-    message: str
-    messages: int
+    slack: dict[int, float]  # rank → the largest violation of its rows [m/s²]
+    speed_margin: float | None  # h of the speed limit [m/s]; None without one
+    intervention: float  # ‖u − u*‖ [m/s²]
+    status: str  # a `FilterStatus`'s name, or "UNFILTERED"
+    sentence: str  # the situation, in plain words
+    conflict: str  # which rows conflict, or nothing
+    details: dict[str, str]  # more of `info["safety_filter"]`, in words
+    settings: Settings  # what was chosen
+    scenario: Scenario  # the scene
+    revision: int  # counts what changed settings or scene, or was refused
+    message: str  # the last message to the person
+    messages: int  # counts them
 
 
 def details(report: Info, kept: float, derived: bool) -> dict[str, str]:
-    """Return what else a filter says, in words.
+    """Return more of a filter's report, in words.
 
     Args:
         report: of the filter.
@@ -101,14 +78,14 @@ def sentence(
     intervention: float,
     reason: int = Reason.NONE,
 ) -> str:
-    """Return what is going on.
+    """Return the situation in a sentence.
 
     Args:
         status: a `FilterStatus`'s name, or "UNFILTERED".
         slack: rank → what it pays [m/s²].
         h: rank → its least h [m].
         intervention: ‖u − u*‖ [m/s²].
-        reason: a `Reason`, why the filter brakes.
+        reason: a `Reason` to brake.
     """
     inside = [rank for rank, value in h.items() if value < 0.0]
     paying = {rank: value for rank, value in slack.items() if value > 0.0}
@@ -116,14 +93,14 @@ def sentence(
         where = f"the robot is inside a region of {_ranks(inside)}" if inside else "nothing is hit"
         return f"There is no filter, and {where}."
     if status == FilterStatus.NOMINAL.name:
-        return "The policy has its way: no region is near enough to matter."
+        return "The policy decides: no region is near enough to matter."
     if status == FilterStatus.SAFE.name:
         return f"Every rank holds: the filter changes the input by {intervention:.1f} m/s²."
     if status == FilterStatus.UNSAFE.name:
         return "The robot is inside a region of rank 1: the filter brings it out."
     if status == FilterStatus.BACKUP.name:
         lasts = "; a restart ends that" if Reason(reason).lasts else ""
-        return f"The filter brakes{lasts}: {Reason(reason).says.partition(':')[0]}."
+        return f"The filter brakes{lasts}: {Reason(reason).text.partition(':')[0]}."
     if status == FilterStatus.VIOLATED.name:
         return f"No input satisfies rank 1: it lacks {max(slack.values(), default=0.0):.1f} m/s²."
     held = [rank for rank in h if rank not in paying and rank < max(paying, default=0)]
@@ -134,15 +111,7 @@ def sentence(
 
 
 def conflict(found: ConflictReport | None, barriers: Sequence[Barrier], x: Array) -> str:
-    """Return which conditions conflict, and whether the input's limits are part of it.
-
-    Of a map's class it names the nearest place, too.
-
-    Args:
-        found: by the filter.
-        barriers: of the scene.
-        x: (4,) the state that the filter saw.
-    """
+    """Return which conditions conflict at x (4,), with the nearest place of a map's class."""
     if found is None:
         return ""
     parts = []

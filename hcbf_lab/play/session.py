@@ -1,7 +1,6 @@
-"""The playground's simulation: what a person may do to it, and what it says after every tick.
+"""The playground's simulation: commands of a person, and a `Snapshot` after every tick.
 
-It knows no page: commands come through a queue and wait for a tick, a `Snapshot` is left after
-every tick, and nobody is waited for.
+It knows no page: commands come through a queue and wait for a tick, which waits for no one.
 """
 
 import queue
@@ -39,7 +38,7 @@ HARDEST_PUSH = 500.0
 BEHIND = 0.1
 """What a slow machine catches up at most [s of the clock]; beyond it, time runs slower."""
 REST = 50
-"""Ticks that a robot stays at its goal before it goes on."""
+"""Ticks that a robot stays at its goal before it returns."""
 LATE = 5.0
 """How long after the end of a course it begins anew, though the robot is not there [s]."""
 CONFLICT_EVERY = 10
@@ -49,12 +48,7 @@ CONFLICT_EVERY = 10
 class Session:
     """A scene, a robot, a filter and a policy that run until they are stopped.
 
-    Args:
-        settings: what is chosen at first.
-        scenario: the first scene, as environments take it.
-
-    Attributes:
-        latest: the record of the last tick; another object after each.
+    `latest` is the record of the last tick, another object after each.
 
     Raises:
         HcbfError: if settings and scene make no environment.
@@ -90,7 +84,7 @@ class Session:
             time.sleep(max(0.0, due - now))
 
     def tick(self) -> None:
-        """Obey what was posted, step once if time goes on, and leave a record."""
+        """Obey what was posted, step once if time advances, and leave a record."""
         while not self._commands.empty():
             self._message = ""
             try:
@@ -105,7 +99,7 @@ class Session:
         self.latest = self._record()
 
     def change(self, **choices: Any) -> None:
-        """Choose anew among the fields of `Settings`; the robot goes on from where it stands.
+        """Choose anew among the fields of `Settings`; the robot continues from where it is.
 
         Another model or body begins at the start, another seed draws a random scene anew.
 
@@ -157,11 +151,7 @@ class Session:
         self._edit(editing.rank(self.scenario, region, priority))
 
     def go_to(self, goal: Sequence[float]) -> None:
-        """Give the scene another goal (2,) [m].
-
-        Raises:
-            HcbfError: if the scene has a course instead of a goal, or no way leads there.
-        """
+        """Give the scene another goal (2,) [m]."""
         if not isinstance(self.scenario.reference, PointReference):
             raise InvalidInputError(
                 f"goal: the scene {self.scenario.name!r} has a course to follow, expected a goal"
@@ -185,11 +175,7 @@ class Session:
         self._human.target = None if target is None else finite_array("stick", target, (2,))
 
     def push(self, force: Sequence[float]) -> None:
-        """Push the trunk for a moment with a force (2,) in the plane [N].
-
-        Raises:
-            InvalidInputError: if it is too hard, or the robot has no body.
-        """
+        """Push the trunk for a moment with a force (2,) in the plane [N]."""
         pushed = finite_array("push", force, (2,))
         if not hasattr(self._now.inner, "simulation"):
             raise InvalidInputError(
@@ -220,7 +206,7 @@ class Session:
         return scenarios.make(source, np.random.default_rng(seed))
 
     def _start(self, settings: Settings, scenario: Scenario) -> None:
-        """Begin an episode in an environment of its own."""
+        """Begin an episode in a new environment."""
         arrangement = arrange(settings, scenario)
         observation, info = arrangement.env.reset(seed=settings.seed)
         self._now, self.settings, self.scenario = arrangement, settings, scenario
@@ -283,19 +269,15 @@ class Session:
             self._running = False
             self._say("The robot fell. Restart to go on.")
         self._arrive(policy is None)
-        said = self._info.get("safety_filter")
-        if said is None or not said["slack"].any():
+        reported = self._info.get("safety_filter")
+        if reported is None or not reported["slack"].any():
             self._conflict = ""
         elif self._ticks % CONFLICT_EVERY == 0 or not self._conflict:
             filtered: Any = self._now.env
             self._conflict = report.conflict(filtered.conflict(), inner.barriers, x)
 
     def _arrive(self, steered: bool) -> None:
-        """Say that the robot is at its goal, and after a rest let it go on.
-
-        Args:
-            steered: whether a person leads it, who goes on by themselves.
-        """
+        """Say that the robot is at its goal, and after a rest let it go on."""
         if not self._info["is_success"]:
             self._rest = 0
             reference = self.scenario.reference
@@ -307,7 +289,7 @@ class Session:
         self._rest += 1
         if self._rest == 1:
             self._say(f"Arrived after {self._now.inner.time:.1f} s.")
-        if self._rest == REST and not steered and self.settings.goes_on:
+        if self._rest == REST and not steered and self.settings.returns:
             self._go_on()
 
     def _go_on(self) -> None:
@@ -330,7 +312,7 @@ class Session:
         self._least = self._heights().copy()
 
     def _heights(self, least: str = "") -> Array:
-        """Return h (m,) of what must stay outside, now or at its least during the last step."""
+        """Return h (m,) of the centre or the body, now or at its least during the last step."""
         body = self._info.get(f"{least}body_h")
         return self._info[f"{least}h"] if body is None else body
 
@@ -341,7 +323,7 @@ class Session:
     def _record(self) -> Snapshot:
         inner = self._now.inner
         regions = self._regions
-        said = self._info.get("safety_filter")
+        reported = self._info.get("safety_filter")
         priority = inner.barrier_set.priority[0]
         m = len(priority)
         h = self._heights()
@@ -351,13 +333,13 @@ class Session:
         gap = 0.0
         reason = int(Reason.NONE)
         details: dict[str, str] = {}
-        if said is not None:
-            slack = report.by_rank(said["slack"][:m], priority, np.max)
-            status = FilterStatus(int(said["status"])).name
-            gap = float(said["intervention"])
-            reason = int(said["reason"])
-            kept = float(said["margin"][:m][regions].max(initial=0.0))
-            details = report.details(said, kept, self.settings.margin is None)
+        if reported is not None:
+            slack = report.by_rank(reported["slack"][:m], priority, np.max)
+            status = FilterStatus(int(reported["status"])).name
+            gap = float(reported["intervention"])
+            reason = int(reported["reason"])
+            kept = float(reported["margin"][:m][regions].max(initial=0.0))
+            details = report.details(reported, kept, self.settings.margin is None)
         by_rank_h = ranked(h[regions], pick=np.min)
         x = inner.truth
         duration = inner.scenario.reference.duration

@@ -33,34 +33,24 @@ STICK_GAIN = 3.0
 class Settings:
     """What a person chooses.
 
-    Args:
-        model: "a1", "reduced", or a robot that takes velocities: a name or a contract's path.
-        body: "point", the robot's centre, or "footprint", the whole robot; the reduced-order model
-            is a point.
-        policy: "human", or as `policies.make` takes it.
-        program: a name from `hcbf_gym.programs.names()`, or "none" for no filter.
-        guidance: whether a geodesic field leads to the goal; not where a human leads.
-        margin: what rows on the position reserve [m]; None derives it.
-        gamma0: γ₀, where the program has weights.
-        delta_gamma: Δγ, where the program has weights.
-        seed: of random scenes and of the episode.
-        goes_on: whether a robot that has arrived goes back, and there again.
-
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
         InvalidInputError: if a number is out of range.
     """
 
+    # "a1", "reduced", or a robot that takes velocities: a name or a contract's path
     model: str = "a1"
+    # "point", the robot's centre, or "footprint", the whole robot; the reduced-order model is a
+    # point
     body: str = BODIES[0]
-    policy: str = PD
-    program: str = "lex-cbf-qp"
-    guidance: bool = True
-    margin: float | None = None
-    gamma0: float = 5.0
-    delta_gamma: float = 1.3
-    seed: int = 0
-    goes_on: bool = True
+    policy: str = PD  # "human", or as `policies.make` takes it
+    program: str = "lex-cbf-qp"  # a name from `hcbf_gym.programs.names()`, or "none" for no filter
+    guidance: bool = True  # whether a geodesic field leads to the goal; not where a human leads
+    margin: float | None = None  # what rows on the position reserve [m]; None derives it
+    gamma0: float = 5.0  # γ₀, where the program has weights
+    delta_gamma: float = 1.3  # Δγ, where the program has weights
+    seed: int = 0  # of random scenes and of the episode
+    returns: bool = True  # whether a robot that has arrived goes back, and there again
 
     def __post_init__(self) -> None:
         if not self.model.endswith(".json"):
@@ -92,15 +82,11 @@ def program_names() -> list[str]:
 
 
 class Human:
-    """A person at the stick: ``u* = k (v_wanted − v)``.
+    """A person at the stick, ``u* = k (v_wanted − v)``, within least and greatest accelerations.
 
     Attributes:
-        velocity: (2,) that the stick asks for [m/s].
+        velocity: (2,) of the stick [m/s].
         target: (2,) where the stick was dragged to, which is walked to instead [m]; or None.
-
-    Args:
-        low: (2,) least acceleration [m/s²].
-        high: (2,) greatest acceleration [m/s²].
     """
 
     def __init__(self, low: Array, high: Array):
@@ -116,21 +102,15 @@ class Human:
 
 
 class Arrangement(NamedTuple):
-    """What steps: an environment, what filters its actions, and what acts.
+    """What steps: an environment, what filters its actions, and what acts."""
 
-    Attributes:
-        env: the environment, in its filter if there is one.
-        inner: the environment itself.
-        policy: (observation, info) → u*; None where a person acts.
-    """
-
-    env: gym.Env
-    inner: Any
-    policy: Policy | None
+    env: gym.Env  # the environment, in its filter if there is one
+    inner: Any  # the environment itself
+    policy: Policy | None  # (observation, info) → u*; None where a person acts
 
 
 def arrange(settings: Settings, scenario: Scenario, inner: Any = None) -> Arrangement:
-    """Return what the settings ask for.
+    """Return the environment, filter and policy of the settings.
 
     Args:
         settings: what was chosen.

@@ -4,7 +4,7 @@ import threading
 
 
 class Steering:
-    """Whose the controls are: the first browser that touches them has them until it leaves."""
+    """Who has the controls: the first browser that touches them, until it leaves."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -12,18 +12,18 @@ class Steering:
 
     @property
     def holder(self) -> int | None:
-        """The browser that steers; None while nobody does."""
+        """The browser that steers; None while there is none."""
         return self._holder
 
     def may(self, client: int) -> bool:
-        """Return whether a browser steers; it does from now on where nobody did."""
+        """Return whether a browser steers; the first to ask does from now on."""
         with self._lock:
             if self._holder is None:
                 self._holder = client
             return self._holder == client
 
     def take(self, client: int) -> None:
-        """Give the controls to a browser, whoever had them."""
+        """Give the controls to a browser."""
         with self._lock:
             self._holder = client
 

@@ -1,9 +1,8 @@
 """An event that wakes viser's senders from any thread.
 
 Viser sets an `asyncio.Event` from the threads that have messages, which asyncio does not allow: set
-between a sender's check of it and its wait, the event is set and wakes nobody, ever again. The page
-stands still while the robot walks on. That takes a moment without messages, so it happens to
-machines that are busy.
+between a sender's check of it and its wait, the event wakes no one, ever again, and the page
+freezes.
 """
 
 import asyncio

@@ -21,17 +21,15 @@ from rich.table import Table
 
 import hcbf_gym
 from hcbf_gym.arguments import Folder, Workers
-from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
-from hcbf_lab.reproduction import FIGURES, OF_ROM
-from hcbf_lab.reproduction.figure5 import Model
+from hcbf_lab.reproduction import FIGURES
 
 Figure = Callable[[Runs, Path, bool], dict[str, Any]]
 """Draws a figure and returns its claims."""
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +38,6 @@ class Args:
 
     figure: tyro.conf.Positional[Literal["fig5", "fig6", "fig7", "all"]] = "all"
     """Which figure of the paper."""
-    model: Model = "both"
-    """both, or rom: what the reduced-order model alone has, fig5, in a minute."""
     quick: bool = False
     """Fewer episodes: no cost map on the A1, four seeds instead of twenty."""
     output: Folder = Path("results/reproduce")
@@ -54,17 +50,10 @@ class Args:
 
 def main(args: Args) -> None:
     """Draw the figures, check the claims, and write both."""
-    figures = OF_ROM if args.model == "rom" else FIGURES
-    names = list(figures) if args.figure == "all" else [args.figure]
-    if not set(names) <= set(figures):
-        raise InvalidInputError(
-            f"figure: got {args.figure} with --model rom, expected one of {sorted(figures)}, or "
-            "--model both: the others are of the A1"
-        )
+    names = list(FIGURES) if args.figure == "all" else [args.figure]
     runs = Runs(args.output / "episodes", args.workers, args.backend)
-    claims = reproduce({name: figures[name] for name in names}, args.output, args.quick, runs)[
-        "claims"
-    ]
+    figures = {name: FIGURES[name] for name in names}
+    claims = reproduce(figures, args.output, args.quick, runs)["claims"]
     console = Console()
     console.print(_table(claims))
     console.print(f"written to {args.output}")
@@ -73,14 +62,7 @@ def main(args: Args) -> None:
 def reproduce(
     figures: Mapping[str, Figure], folder: Path, quick: bool, runs: Runs
 ) -> dict[str, Any]:
-    """Draw figures into a folder, and return what `reproduction.json` holds then.
-
-    Args:
-        figures: some of `FIGURES` or `OF_ROM`.
-        folder: for the pictures and the JSON; figures that it has stay.
-        quick: fewer episodes.
-        runs: how episodes run.
-    """
+    """Draw figures into a folder, and return the content of its `reproduction.json`."""
     runs.check()
     settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
     open_folder(folder, settings)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.envs.a1_plant import FASTEST
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
-from hcbf_gym.evaluation import chunks
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case, Job
 from hcbf_gym.scenarios import Scenario
 from hcbf_lab.reproduction import plots
@@ -23,8 +22,6 @@ from hcbf_lab.reproduction.trajectories import of_episodes, side_by_side
 from hcbf_lab.tuning import WINDOW, Normal, Problem, Samples, Trajectories, TuningStudy, simulate
 from hcbf_lab.tuning.cost_map import inside
 
-Model = Literal["both", "rom"]
-"""On which models a figure is drawn: reduced-order model and A1, or the first alone."""
 SCENE = "paper-simulation"
 R_WEIGHT = 0.05
 """γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less."""
@@ -45,17 +42,10 @@ _INNER = (1.0, 4.75)
 """Range of γ₀ in which a valley is interior: inside the window with samples on either side."""
 
 
-def fig5(runs: Runs, folder: Path, quick: bool, model: Model = "both") -> dict[str, Any]:
+def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
 
-    Args:
-        runs: how episodes run.
-        folder: where the pictures go.
-        quick: fewer samples, and no cost map on the A1.
-        model: "both", or "rom" for the reduced-order model alone.
-
-    Returns:
-        ``claims`` {text: bool} and the figures they rest on, in JSON types.
+    Returns ``claims`` {text: bool} and the figures they rest on, in JSON types.
     """
     fan = _fan(60 if quick else 200)
     rom = _rom()
@@ -68,8 +58,6 @@ def fig5(runs: Runs, folder: Path, quick: bool, model: Model = "both") -> dict[s
         "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
         "distance_of_r_and_h_with_equal_weights": _distance_with_equal_weights(),
     }
-    if model == "rom":
-        return result
     of_a1 = _on_a1(runs, folder, quick, rom)
     return result | of_a1 | {"claims": result["claims"] | of_a1["claims"]}
 
@@ -78,7 +66,7 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
     """Draw the A1's panels, and its paths beside those of the reduced-order model."""
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
-    a1 = of_episodes(chunks.in_order(runs.over(Job.run, jobs, "fig 5, A1")))
+    a1 = of_episodes(in_order(runs.over(Job.run, jobs, "fig 5, A1")))
     samples = None if quick else _a1_samples(runs)
     plots.fig5_panels(a1, GAMMAS, None, samples).savefig(folder / "fig5-a1.png")
     plots.fig5e_paths(SCENE, rom, a1, GAMMAS).savefig(folder / "fig5e-paths.png")
@@ -90,7 +78,7 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
     times = (2.0, 5.0, 8.0, 12.0)
     try:
         shots = runs.over(partial(film, times=times), [jobs[0], jobs[3]], "fig 5e, pictures")
-        films = chunks.in_order(shots)
+        films = in_order(shots)
     except RenderingError as error:
         return result | {"frames": str(error)}
     plots.frames(("R", "H"), films, times).savefig(folder / "fig5e-frames.png")
@@ -152,7 +140,7 @@ def _a1_samples(runs: Runs) -> Samples:
     problem = Problem("HCBF-A1Regions-v0", _a1_scene(), options={"margin": A1_MARGIN})
     pairs = [(gamma0, delta_gamma) for gamma0 in _GRID[0] for delta_gamma in _GRID[1]]
     jobs = [Job(problem.case(*pair)) for pair in pairs]
-    episodes = chunks.in_order(runs.over(Job.run, jobs, "fig 5d, A1"))
+    episodes = in_order(runs.over(Job.run, jobs, "fig 5d, A1"))
     costs = np.array([problem.cost_of(episode) for episode in episodes])
     gamma0, delta_gamma = np.array(pairs).T
     return Samples(gamma0, delta_gamma, costs)

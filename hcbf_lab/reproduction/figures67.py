@@ -10,8 +10,7 @@ import numpy as np
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import RenderingError
-from hcbf_gym.evaluation import chunks
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_lab.reproduction import plots
 from hcbf_lab.reproduction.film import film
@@ -48,7 +47,7 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         ``claims`` {text: bool} and the figures they rest on, in JSON types.
     """
     jobs = _jobs()
-    ran = chunks.in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
+    ran = in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
     episodes = dict(zip(jobs, ran, strict=True))
     relaxed, hierarchical = episodes["R"], episodes["H"]
     series = {"R-CBF-QP": relaxed, "H-CBF-QP": hierarchical}
@@ -71,7 +70,7 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     times = (4.0, 6.0, 8.0, 16.0)
     try:
         shots = runs.over(partial(film, times=times), [jobs["R"], jobs["H"]], "fig 6, pictures")
-        films = chunks.in_order(shots)
+        films = in_order(shots)
     except RenderingError as error:
         return result | {"frames": str(error)}
     plots.frames(("R", "H"), films, times).savefig(folder / "fig6-frames.png")
@@ -82,7 +81,7 @@ def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 7 from the episodes of figure 6; see `fig6` for the arguments."""
     jobs = _jobs()
     ran = runs.over(Job.run, [jobs["R"], jobs["H"]], "fig 7")
-    relaxed, hierarchical = chunks.in_order(ran)
+    relaxed, hierarchical = in_order(ran)
     plots.fig7(SCENE, relaxed, hierarchical).savefig(folder / "fig7.png")
     beside = {name: _beside_the_box(e) for name, e in (("R", relaxed), ("H", hierarchical))}
     return {
@@ -123,7 +122,7 @@ def _disturbed(weights: tuple[str, float, float], seed: int) -> Job:
 def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
     """Return how often, over the seeds, R and H touched the box, reached the goal, and fell."""
     jobs = [_disturbed(weights, seed) for weights in (R_WEIGHTS, H_WEIGHTS) for seed in seeds]
-    episodes = chunks.in_order(runs.over(Job.run, jobs, "fig 6, seeds"))
+    episodes = in_order(runs.over(Job.run, jobs, "fig 6, seeds"))
     groups = {"R": episodes[: len(seeds)], "H": episodes[len(seeds) :]}
     return {
         name: {

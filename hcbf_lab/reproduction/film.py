@@ -1,4 +1,4 @@
-"""Pictures of an episode as it goes on."""
+"""Pictures of an episode."""
 
 import itertools
 from collections.abc import Sequence

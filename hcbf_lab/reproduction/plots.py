@@ -168,14 +168,7 @@ def fig6_series(episodes: Mapping[str, Episode]) -> Figure:
 def paths(
     scene: str, runs: Mapping[str, tuple[Episode, str]], title: str, axes: Axes | None = None
 ) -> Figure:
-    """Return paths from above.
-
-    Args:
-        scene: the scenario's name.
-        runs: label → an episode and the style it is drawn in, as matplotlib writes it.
-        title: of the panel.
-        axes: where to draw; a figure of its own unless given.
-    """
+    """Return paths from above, each with its label, episode and matplotlib's style."""
     if axes is None:
         axes = new_figure(5.4, 4.6).add_subplot()
     draw_scene(axes, scenarios.make(scene))

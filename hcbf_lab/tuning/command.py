@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import optuna
-import sqlalchemy
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from rich.console import Console
@@ -18,15 +17,15 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 from rich.table import Table
 
 from hcbf_gym.arguments import Amount, Count, Folder, Seed, Workers
-from hcbf_gym.errors import InvalidInputError, require
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.errors import require
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_lab.tuning import Cost, Normal, Problem, Samples, TuningStudy
 from hcbf_lab.tuning.cost_map import inside, plot_cost_map, plot_samplers
 
-GOES_ON = "the same command goes on where this one stopped"
-"""What Ctrl-C says besides."""
+RESUMED = "the same command resumes this run"
+"""Printed after Ctrl-C."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,6 @@ class Args:
     """Weight of the relaxation."""
     seed: Seed = 0
     """Decides the samples and the episodes."""
-    storage: str | None = None
-    """URL of a database [default: a log in the output folder]."""
     workers: Workers | None = None
     """Episodes that run at once, in full physics [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
@@ -71,8 +68,6 @@ def main(args: Args) -> None:
     runs.check()
     if "cmaes" in args.sampler:
         require("--sampler cmaes", "studies", "cmaes")
-    if args.storage is not None:
-        _check_url(args.storage)
     cost = Cost(args.w_i, args.w_f, args.w_delta)
     problem = Problem(args.env, args.scenario, args.program, seed=args.seed, cost=cost)
     normal = Normal(args.mean, args.covariance)
@@ -80,10 +75,8 @@ def main(args: Args) -> None:
     settings |= {"mean": args.mean, "covariance": args.covariance, "samplers": args.sampler}
     check_folder(args.output, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    storage: Any = None if args.storage is None else _database(args.storage)
     open_folder(args.output, settings)
-    if storage is None:
-        storage = JournalStorage(JournalFileBackend(str(args.output / "study.log")))
+    storage = JournalStorage(JournalFileBackend(str(args.output / "study.log")))
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     studies, seconds = {}, {}
     with Progress(*columns) as progress:
@@ -100,40 +93,6 @@ def main(args: Args) -> None:
     for name, value in seconds.items():
         console.print(f"{name}: {args.samples} samples in {value:.1f} s")
     console.print(f"written to {args.output}")
-
-
-def _check_url(url: str) -> None:
-    """Refuse what is no URL of a database, before anything is computed.
-
-    Raises:
-        InvalidInputError: if it is none, or nothing here reads it.
-    """
-    if url.startswith("redis"):  # which Optuna reads itself
-        return
-    try:
-        sqlalchemy.engine.make_url(url).get_dialect().import_dbapi()
-    except Exception as error:  # of SQLAlchemy, or of a driver that is not there
-        raise _no_storage(url, error) from error
-
-
-def _no_storage(url: str, error: Exception) -> InvalidInputError:
-    said = str(error).strip().partition("\n")[0]
-    return InvalidInputError(
-        f"--storage: got {url!r} ({type(error).__name__}: {said}), expected the URL of a "
-        "database, such as sqlite:///study.db"
-    )
-
-
-def _database(url: str) -> Any:
-    """Return the storage at a URL.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
-    try:
-        return optuna.storages.get_storage(url)
-    except Exception as error:  # of Optuna, SQLAlchemy or a database's driver
-        raise _no_storage(url, error) from error
 
 
 def _write(

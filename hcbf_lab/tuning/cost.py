@@ -17,13 +17,8 @@ class Cost:
 
     What the paper leaves open is read as follows. ``e`` is the position error p_ref − p, as in
     its feedback law u = K_p e + K_d ė. ``‖e‖_w = √(eᵀ w e)``, as ‖·‖_M in its Proposition 2. δ is
-    what the relaxed rows give way, ``Σ_k max(0, δ_k)``: H-CBF-QP's δ has a sign, and a negative
+    by how much rows are relaxed, ``Σ_k max(0, δ_k)``: H-CBF-QP's δ has a sign, and a negative
     one relaxes nothing.
-
-    Args:
-        w_i: w_i of the way, ≥ 0.
-        w_f: w_f of the goal, ≥ 0.
-        w_delta: w_δ of the relaxation, ≥ 0.
 
     Raises:
         InvalidInputError: if a weight is negative or not finite.
@@ -31,9 +26,9 @@ class Cost:
     Source: section III-C; the default weights are those of section IV-A.
     """
 
-    w_i: float = 1.0
-    w_f: float = 1000.0
-    w_delta: float = 0.5
+    w_i: float = 1.0  # w_i of the way, ≥ 0
+    w_f: float = 1000.0  # w_f of the goal, ≥ 0
+    w_delta: float = 0.5  # w_δ of the relaxation, ≥ 0
 
     def __post_init__(self) -> None:
         for name in ("w_i", "w_f", "w_delta"):

@@ -20,12 +20,7 @@ def inside(samples: Samples) -> Samples:
 
 
 def draw_cost_map(axes: Axes, samples: Samples) -> None:
-    """Draw r_o over (γ₀, Δγ) within the paper's window, and the cheapest sample.
-
-    Args:
-        axes: where to draw; needs a figure for the colour bar.
-        samples: at least four of them inside the window.
-    """
+    """Draw r_o over (γ₀, Δγ) within the paper's window, and the cheapest sample."""
     shown = inside(samples)
     colors = axes.tricontourf(shown.gamma0, shown.delta_gamma, shown.offset, 30, cmap="viridis")
     axes.plot(shown.gamma0, shown.delta_gamma, ".", color="k", ms=1.5, alpha=0.35)

@@ -12,26 +12,16 @@ _MAX_REJECTED = 10_000
 
 
 class Draw(NamedTuple):
-    """One accepted draw.
+    """One accepted draw."""
 
-    Attributes:
-        gamma0: γ₀.
-        delta_gamma: Δγ.
-        rejected: how many draws were rejected before it.
-    """
-
-    gamma0: float
-    delta_gamma: float
-    rejected: int
+    gamma0: float  # γ₀
+    delta_gamma: float  # Δγ
+    rejected: int  # how many draws were rejected before it
 
 
 @dataclass(frozen=True)
 class Normal:
     """(γ₀, Δγ) ~ N(µ, Σ), of which only γ₀ ≥ 0, Δγ ≥ 0 are kept.
-
-    Args:
-        mean: (2,) µ.
-        covariance: (2, 2) Σ, symmetric and positive semidefinite.
 
     Raises:
         InvalidInputError: if Σ is not symmetric or not positive semidefinite.
@@ -39,7 +29,8 @@ class Normal:
     Source: section III-C of the paper; the defaults are those of section IV-A.
     """
 
-    mean: Pair = (3.0, 1.5)
+    mean: Pair = (3.0, 1.5)  # (2,) µ
+    # (2, 2) Σ, symmetric and positive semidefinite
     covariance: tuple[Pair, Pair] = ((1.0, 0.0), (0.0, 1.0))
     _root: Array = field(init=False, repr=False, compare=False)
 

@@ -11,7 +11,7 @@ from hcbf_gym import programs, scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation import environments
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.rollouts import Case, Episode
 from hcbf_lab.tuning.cost import Cost, relaxation
 from hcbf_lab.tuning.simulate import check_weights, simulate
@@ -24,24 +24,18 @@ _CHUNK = 500
 class Problem:
     """A cost r(γ₀, Δγ): one episode under each pair of weights.
 
-    Args:
-        env: "HCBF-Regions-v0", where all pairs run as one batch, or "HCBF-A1Regions-v0".
-        scenario: what `hcbf_gym.scenarios.make` takes.
-        program: a program that takes `gamma0` and `delta_gamma`.
-        options: further options of the filter.
-        seed: of the episode.
-        cost: what an episode costs; one in which the robot falls costs infinity.
-
     Raises:
         UnknownNameError: if the environment or the program is not registered.
         InvalidInputError: if the program takes no weights, or the scene is none.
     """
 
+    # "HCBF-Regions-v0", where all pairs run as one batch, or "HCBF-A1Regions-v0"
     env: str = "HCBF-Regions-v0"
-    scenario: Any = "paper-simulation"
-    program: str = "h-cbf-qp"
-    options: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
+    scenario: Any = "paper-simulation"  # what `hcbf_gym.scenarios.make` takes
+    program: str = "h-cbf-qp"  # a program that takes `gamma0` and `delta_gamma`
+    options: Mapping[str, Any] = field(default_factory=dict)  # further options of the filter
+    seed: int = 0  # of the episode
+    # what an episode costs; one in which the robot falls costs infinity
     cost: Cost = field(default_factory=Cost)
 
     def __post_init__(self) -> None:

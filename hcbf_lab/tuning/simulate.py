@@ -15,26 +15,18 @@ from hcbf_lab.tuning.cost import relaxation
 
 
 class Trajectories(NamedTuple):
-    """N trajectories of k steps in one scene.
+    """N trajectories of k steps in one scene."""
 
-    Attributes:
-        time: (k + 1,) [s].
-        position: (k + 1, N, 2) [m].
-        h: (k + 1, N, m) barrier values at the control times.
-        min_h: (N, m) their least values over all physics steps.
-        tracking_error: (k + 1, N) ‖p_ref − p‖ [m]. Where an episode ended before the others it is
-            zero up to the last entry, which repeats the error at its end.
-        relaxation: (k, N) Σ_k max(0, δ_k) of the relaxed rows [m/s²]; zero after an episode's end.
-        fell: (N,) whether the robot fell; the reduced-order model cannot.
-    """
-
-    time: Array
-    position: Array
-    h: Array
-    min_h: Array
+    time: Array  # (k + 1,) [s]
+    position: Array  # (k + 1, N, 2) [m]
+    h: Array  # (k + 1, N, m) barrier values at the control times
+    min_h: Array  # (N, m) their least values over all physics steps
+    # (k + 1, N) ‖p_ref − p‖ [m]. Where an episode ended before the others it is zero up to the
+    # last entry, which repeats the error at its end
     tracking_error: Array
+    # (k, N) Σ_k max(0, δ_k) of the relaxed rows [m/s²]; zero after an episode's end
     relaxation: Array
-    fell: Mask
+    fell: Mask  # (N,) whether the robot fell; the reduced-order model cannot
 
 
 def check_weights(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, Array]:

@@ -4,10 +4,9 @@ A generation is requested as a whole, evaluated as one batch and recorded as a w
 run had not recorded is requested again.
 """
 
-import contextlib
 import json
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,13 +14,12 @@ import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler, CmaEsSampler, TPESampler
-from optuna.storages import RDBStorage
 from optuna.study import Study
 from optuna.trial import FrozenTrial, TrialState
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose
-from hcbf_gym.evaluation.chunks import Runs, in_order
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_lab.tuning.draws import Normal
 from hcbf_lab.tuning.problem import Problem
 
@@ -45,17 +43,11 @@ _ANY: dict[str, BaseDistribution] = dict.fromkeys(WINDOW, FloatDistribution(0.0,
 
 
 class Samples(NamedTuple):
-    """The samples of a study, in the order of their numbers.
+    """The samples of a study, in the order of their numbers."""
 
-    Attributes:
-        gamma0: (n,) γ₀.
-        delta_gamma: (n,) Δγ.
-        cost: (n,) r; infinity where the robot fell.
-    """
-
-    gamma0: Array
-    delta_gamma: Array
-    cost: Array
+    gamma0: Array  # (n,) γ₀
+    delta_gamma: Array  # (n,) Δγ
+    cost: Array  # (n,) r; infinity where the robot fell
 
     @property
     def best(self) -> int:
@@ -72,23 +64,15 @@ class Samples(NamedTuple):
 class TuningStudy:
     """One sampler's study of a problem, in a storage that may hold others.
 
-    Args:
-        problem: what the samples cost.
-        normal: N(µ, Σ) of the paper's sampling; the others do not read it.
-        sampler: a name in `SAMPLERS`.
-        seed: of the samples.
-        storage: where the study lives: an Optuna storage, the URL of a database, or None for
-            the memory of this process.
-
     Raises:
         UnknownNameError: if there is no such sampler.
     """
 
-    problem: Problem
-    normal: Normal
-    sampler: str = "normal"
-    seed: int = 0
-    storage: Any = None
+    problem: Problem  # what the samples cost
+    normal: Normal  # N(µ, Σ) of the paper's sampling; the others do not read it
+    sampler: str = "normal"  # a name in `SAMPLERS`
+    seed: int = 0  # of the samples
+    storage: Any = None  # an Optuna storage, or None for the memory of this process
 
     def __post_init__(self) -> None:
         choose("sampler", self.sampler, SAMPLERS)
@@ -124,12 +108,12 @@ class TuningStudy:
             raise InvalidInputError(f"samples: got {samples}, expected at least 1")
         extend = self._draw if SAMPLERS[self.sampler] is None else self._search
         size = DRAWS if extend == self._draw and self.problem.batched else GENERATION
-        with self._opened() as study:
-            while (done := len(_complete(study))) < samples:
-                on_done(done)
-                extend(study, done, min(size, samples - done), runs)
-            on_done(samples)
-            found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
+        study = self._study()
+        while (done := len(_complete(study))) < samples:
+            on_done(done)
+            extend(study, done, min(size, samples - done), runs)
+        on_done(samples)
+        found = [(*t.params.values(), t.value) for t in _complete(study)[:samples]]
         return Samples(*np.array(found, dtype=np.float64).T)
 
     def rejected(self, samples: int) -> int:
@@ -149,7 +133,7 @@ class TuningStudy:
         )
 
     def _search(self, study: Study, done: int, count: int, runs: Runs) -> None:
-        """Ask one of Optuna's samplers for a generation, and tell what it costs."""
+        """Add a generation of one of Optuna's samplers."""
         for left in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
             study.tell(left.number, state=TrialState.FAIL, skip_if_finished=True)
         make = SAMPLERS[self.sampler]
@@ -164,24 +148,11 @@ class TuningStudy:
         gamma0, delta_gamma = ([pair[name] for pair in pairs] for name in WINDOW)
         return in_order(self.problem.costs(gamma0, delta_gamma, runs))
 
-    @contextlib.contextmanager
-    def _opened(self) -> Iterator[Study]:
-        """Open the study; a database that this opens is closed at the end."""
-        if not isinstance(self.storage, str):
-            yield self._of(self.storage)
-            return
-        database = RDBStorage(self.storage)
-        try:
-            yield self._of(database)
-        finally:
-            database.remove_session()
-            database.engine.dispose()
-
-    def _of(self, storage: Any) -> Study:
+    def _study(self) -> Study:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             study = optuna.create_study(
-                storage=storage, study_name=self.sampler, load_if_exists=True
+                storage=self.storage, study_name=self.sampler, load_if_exists=True
             )
         settings = json.dumps(self.settings(), sort_keys=True, allow_nan=False)
         if study.user_attrs.setdefault(_SETTINGS, settings) != settings:

@@ -8,13 +8,10 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 
-FOLDER = Path(__file__).parent
-"""Where the carts' contracts and files are."""
+FOLDER = Path(__file__).parent  # where the carts' contracts and files are
 
-WHEEL_RADIUS = 0.1
-"""Of the differential cart [m]."""
-HALF_TRACK = 0.17
-"""Half of the distance between its wheels [m]."""
+WHEEL_RADIUS = 0.1  # of the differential cart [m]
+HALF_TRACK = 0.17  # half of the distance between its wheels [m]
 
 
 def differential(model: mujoco.MjModel, period: float) -> Callable[[Array], Array]:

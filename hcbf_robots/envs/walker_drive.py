@@ -1,4 +1,4 @@
-"""A walker that moves: its tick is the adapter, its own controller and the physics."""
+"""A walker that moves: its tick is the adapter, the robot's controller and the physics."""
 
 import math
 
@@ -12,7 +12,7 @@ from hcbf_gym.envs.drive import Drive, Motion
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.walkers.response_monitor import ResponseMonitor
+from hcbf_robots.walkers.motion_monitor import MotionMonitor
 from hcbf_robots.walkers.walker_adapter import Adapter
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_terms import Observer, Source
@@ -21,20 +21,20 @@ from hcbf_robots.walkers.walker_terms import Observer, Source
 class WalkerDrive(Drive[WalkerPhysics]):
     """A walker in its scene, commanded the velocity of a reduced-order model.
 
-    The model is ``p̈ = u``: its velocity is v ← v + T u, its position is the robot's own, as a
+    The model is ``p̈ = u``: its velocity is v ← v + T u, its position is the robot's, as a
     velocity alone is commanded. A differential drive holds its command in its own axes, so that the
     velocity of the point before it turns with the heading (`models.axle`).
 
     Args:
         simulation: the scene.
-        adapter: what turns the model's velocity into commands.
+        adapter: turns the model's velocity into commands.
         footprint: as `Drive` takes it.
-        widened: by how much the bounds of what it may do beside its commands are wider.
+        widened: factor on the bounds of the response's error.
 
     Attributes:
         command: (k,) the controller's, in the robot's axes [m/s, rad/s].
         ctrl: (k,) inputs of the actuators.
-        failed: whether the controller gave something that is no action; the last one was kept.
+        failed: whether the controller gave something that is no action; the last one was held.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
     ):
         walker, parts = simulation.walker, simulation.parts
         self.adapter = adapter
-        self._monitor = ResponseMonitor(walker.command, walker.response, widened)
+        self._monitor = MotionMonitor(walker.command, walker.response, widened)
         self._scale = walker.scale(parts)
         self._offset = walker.offset(parts, simulation.at.q)
         self.command: Array = np.zeros(len(walker.command.limits))
@@ -63,22 +63,21 @@ class WalkerDrive(Drive[WalkerPhysics]):
         self._velocity: Array = np.zeros(2)  # of the model
         self._speeds: Array = np.zeros(2)  # of a differential drive, (v, ω)
         self._look_ahead = adapter.look_ahead
-        self._wanted = 0.0, 0.0  # what the adapter is given
+        self._wanted = 0.0, 0.0  # the adapter's velocity
         self._drives = False  # whether `_speeds` are commanded
         super().__init__(simulation, footprint, adapter.look_ahead)
         self._per_action = round(walker.period / self._timestep)
 
     def rest(self, position: Array) -> None:
-        """Count as standing at a position (2,) [m], before the first reset."""
+        """Be at rest at a position (2,) [m]."""
         super().rest(position)
         self._velocity[:], self._speeds, self._drives = 0.0, np.zeros(2), False
         self._since = 0
-        self._monitor.forget()
+        self._monitor.reset()
         self._fault = Reason.NONE
         self.failed = False
 
     def _begin(self, rng: np.random.Generator) -> None:
-        """Begin an episode: the controller is made anew."""
         walker = self.simulation.walker
         self.adapter.reset(self.simulation.yaw)
         self._action[:] = self.command[:] = 0.0
@@ -88,7 +87,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
         self._controller = walker.controller(sizes, self.simulation.model)
 
     def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
-        """Hold the model's acceleration u (2,) [m/s²] for one control step."""
+        """Hold the model's u (2,) [m/s²] for the control step that begins at a time [s]."""
         if self._look_ahead > 0.0:
             e, across = self._axes()
             speeds = self._speeds + task.CONTROL_DT * np.array(
@@ -100,7 +99,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
         return self.follow(self._velocity, barriers, time)
 
     def _axes(self) -> tuple[Array, Array]:
-        """Return the heading (2,) and what lies to its left."""
+        """Return the heading (2,) and the direction to its left."""
         cos, sin = math.cos(self.simulation.yaw), math.sin(self.simulation.yaw)
         return np.array([cos, sin]), np.array([-sin, cos])
 
@@ -119,18 +118,14 @@ class WalkerDrive(Drive[WalkerPhysics]):
                 self.command[:] = self.adapter.command(
                     *self._wanted, simulation.yaw, simulation.yaw_rate
                 )
-            self._monitor.tell(self.command, self._began + k * self._timestep)
+            self._monitor.command(self.command, self._began + k * self._timestep)
             self.act()
         self._since += 1
         simulation.step(self.ctrl)
         return True
 
     def estimate(self, time: float) -> Estimate:
-        """Return what is known of the robot: its position, and the model's velocity.
-
-        Args:
-            time: since the reset [s].
-        """
+        """Return the robot's position and the model's velocity at a time since the reset [s]."""
         body, yaw = self.odometry()
         x = body.copy()
         x[2:] = self._velocity
@@ -138,19 +133,15 @@ class WalkerDrive(Drive[WalkerPhysics]):
             e, across = self._axes()
             x[2:] = self._speeds[0] * e + self._look_ahead * self._speeds[1] * across
         pose = np.array([body[0], body[1], yaw])
-        if self._monitor.observe(pose, body[2:], time):
-            self._fault = Reason.RESPONSE
+        self._fault = self._monitor.observe(pose, body[2:], time) or self._fault
         return Estimate(x, time, None, x, body - x, np.float64(yaw), fault=self._fault or None)
 
     def odometry(self) -> tuple[Array, float]:
-        """Return (4,) position [m] and velocity [m/s] of the point that follows, and the heading.
-
-        The filter and the monitor know nothing else of the robot.
-        """
+        """Return all that filter and monitor know: `truth` (4,) and the heading [rad]."""
         return self.truth, self.simulation.yaw
 
     def act(self) -> None:
-        """Let the controller act, and keep the last inputs where it gives none."""
+        """Call the controller; hold the last inputs where it returns none."""
         seen = self._observer.observe()
         assert self._controller is not None
         try:

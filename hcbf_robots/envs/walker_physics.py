@@ -22,20 +22,13 @@ class WalkerPhysics(Simulation):
 
     Args:
         walker: the robot's contract.
-        obstacles: as `Simulation` takes them.
-        terrain: as `Simulation` takes it.
+        obstacles: as `Simulation` takes them, like `terrain` and `disturbances`.
         randomization: plain dict of `Randomization`'s ranges, without sensor noise; the floor's
             friction is the contract's where none is given.
-        disturbances: as `Simulation` takes them.
 
     Attributes:
         parts: names of the robot's parts.
-        at: where the scene has them.
-
-    Raises:
-        RobotModelError: if the robot's file is not what the contract says.
-        InvalidInputError: on a number out of range, an unknown name, or boxes named alike or like
-            a part of the robot.
+        at: their indices in the scene.
     """
 
     def __init__(
@@ -78,7 +71,7 @@ class WalkerPhysics(Simulation):
         self._strongest = model.actuator_forcerange.copy()
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
-        """Put the robot at rest, as `Simulation` does, with all that follows from where it is."""
+        """Put the robot at rest, and compute what follows from its pose."""
         super().reset(position, yaw, rng)
         mujoco.mj_forward(self.model, self.data)
 

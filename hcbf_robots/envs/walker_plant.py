@@ -1,4 +1,4 @@
-"""What a filter believes of a walker, from its contract and from what is declared."""
+"""What a filter assumes of a walker, from its contract and from what is declared."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -20,25 +20,15 @@ from hcbf_robots.walkers.walker_margins import (
 from hcbf_robots.walkers.walker_response import assumed
 
 OFF_NOMINAL = 0.02
-"""What rows reserve besides [m], and the speed limit's [m/s], where the arguments declare anything
-but the contract's robot on a flat and calm floor."""
+"""Added to the margin of rows [m], and of the speed limit [m/s], where the arguments declare
+anything but the contract's robot on a flat and calm floor."""
 
 WIDENED = 2.0
-"""Of the bounds of what the robot does beside its commands, there as well."""
+"""Factor on the bounds of the response's error there."""
 
 
 class Declared(NamedTuple):
-    """What the arguments of `WalkerRegionsEnv` declare.
-
-    Attributes:
-        heading: as the environment takes it.
-        terrain: as the environment takes it.
-        randomization: the plant's ranges.
-        disturbances: as the environment takes it.
-        boxes: how many the scene has.
-        body: as the environment takes it.
-        v_max: the strict cap on the speed [m/s].
-    """
+    """What the arguments of `WalkerRegionsEnv` declare, and how many boxes the scene has."""
 
     heading: str | None
     terrain: str
@@ -49,14 +39,19 @@ class Declared(NamedTuple):
     v_max: float
 
     def plain(self, walker: Walker) -> dict[str, Any]:
-        """Return what tells this plant from others, as certificates compare it."""
+        """Return what identifies this plant, as certificates compare it."""
         robot = certificates.robot_of(walker.name, walker.files)
-        said = {"environment": "HCBF-WalkerRegions-v0", "robot": robot, "v_max": self.v_max}
-        return records.plain(said | {"body": self.body, "departures": self.departures})
+        return records.plain({
+            "environment": "HCBF-WalkerRegions-v0",
+            "robot": robot,
+            "v_max": self.v_max,
+            "body": self.body,
+            "departures": self.departures,
+        })  # fmt: skip
 
     @property
     def departures(self) -> list[str]:
-        """What differs from a calm, flat floor and the robot of the contract, a phrase for each."""
+        """The differences from a calm, flat floor and the robot of the contract, as phrases."""
         ranges = {} if self.randomization is None else dict(self.randomization)
         start = ("start_distance", "start_yaw")
         plant = {name: value for name, value in ranges.items() if name not in start}
@@ -71,37 +66,37 @@ class Declared(NamedTuple):
 
 
 def widened(declared: Declared) -> float:
-    """Return by how much a robot may do otherwise than it was measured: what is declared does."""
+    """Return the factor on the bounds of the response's error."""
     return WIDENED if declared.departures else 1.0
 
 
 def plant_model(
     walker: Walker, declared: Declared, input_set: InputSet, body: float, is_own: bool
 ) -> PlantModel:
-    """Return what a filter takes for true of a walker.
+    """Return what a filter assumes of a walker.
 
-    A shipped certificate says how far the robot may be from its reduced-order model; where none
-    speaks of the plant, the law of `walker_margins` does.
+    A shipped certificate has the distance of the robot from its reduced-order model; where none
+    holds of the plant, `walker_margins` computes it.
 
     Args:
         walker: the robot.
         declared: what the arguments declare.
         input_set: U of the scene.
-        body: what the robot reaches beyond its trunk's origin [m]; 0 for a point.
+        body: the robot's reach beyond its trunk's origin [m]; 0 for a point.
         is_own: whether nothing but the robot's motors caps its speed.
 
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
-    said = declared.plain(walker)
+    stated = declared.plain(walker)
     response = walker.response or assumed(walker.command)
-    found = certificates.nearest(said).despite(response.complaints)
+    found = certificates.nearest(stated).despite(response.complaints)
     more = OFF_NOMINAL if declared.departures else 0.0
-    known = found.margins or margins(response, CONTROL_DT, said["robot"], more)
+    known = found.margins or margins(response, CONTROL_DT, stated["robot"], more)
     row = speed_row(declared.v_max, known.speed, is_own)
     if not is_own:
         warn_of_standing(row, known, response)
     axle = axle_of(walker.command, response, input_set, declared.v_max)
     known, able = known._replace(body=body), braked(input_set, response)
     stopping = None if axle else stops(response, declared.v_max, able)
-    return PlantModel(able, row, known, said, found, axle, stopping)
+    return PlantModel(able, row, known, stated, found, axle, stopping)

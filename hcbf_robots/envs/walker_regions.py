@@ -27,25 +27,16 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     """A robot that takes velocities moves through dangerous regions that are ranked by priority.
 
     ## Description
-    The task of `RegionsEnv` with a robot in MuJoCo that has a controller of its own: a learned
+    The task of `RegionsEnv` with a robot in MuJoCo that has its own controller: a learned
     policy, a vendor's, or wheels. The action is the acceleration of a reduced-order model; its
-    velocity, turned into the robot's axes, is what the controller is commanded.
-
-    ## Action Space
-    `Box(low, high, (2,), float32)`, the acceleration u [m/s²] in the world, held for 0.02 s; ±5
-    m/s² in the paper's scenes. Values outside are clipped; NaN and other shapes are refused. Of a
-    differential drive it is that of the point before the axle, in axes that turn with the cart:
-    with u = 0 it holds its speed and its turning rate (`hcbf_gym.models.axle`).
-
-    ## Observation Space
-    `Box(-inf, inf, (8 + 4 m,), float64)`, index by index that of `RegionsEnv`, with the robot's
-    position and the model's velocity; a policy trained there acts here unchanged.
-
-    ## Rewards
-    Those of `RegionsEnv`.
+    velocity, turned into the robot's axes, is commanded to the controller. Action, observation
+    (with the robot's position and the model's velocity) and rewards are those of `RegionsEnv`,
+    index by index, so that a policy trained there acts here unchanged. For a differential drive the
+    action is that of the point before the axle, in axes that turn with the cart: with u = 0 it
+    holds its speed and its turning rate (`hcbf_gym.models.axle`).
 
     ## Starting State
-    Standing at the scenario's start, facing along the reference.
+    At rest at the scenario's start, facing along the reference.
 
     ## Episode End
     Terminated when the robot falls, when its controller gives no finite action of its size, or when
@@ -55,31 +46,27 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
 
     ## Infos
     Those of `RegionsEnv`, with h of the robot at every physics step in `min_h`; the strict speed
-    limit is the last barrier. Besides, `fallen` (0 or 1), `controller_failed` (0 or 1: the last
-    inputs of the actuators were kept), `command` (k,) the last command, in the
-    robot's axes [m/s, rad/s], and `obstacle_force` (k,) the largest contact force with each box
-    during the step [N].
+    limit is the last barrier. Also `fallen` (0 or 1), `controller_failed` (0 or 1: the last
+    inputs of the actuators were held), `command` (k,) the last command, in the robot's axes
+    [m/s, rad/s], and `obstacle_force` (k,) the largest contact force with each box during the step
+    [N].
 
     ## Arguments
     * `robot`: a contract's path or a name, see `hcbf_robots.walkers.walker.Walker`.
-    * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
-      a `Scenario`.
-    * `heading`: "velocity" turns the robot along its velocity, "fixed" keeps its heading, "free"
+    * `scenario`: as `RegionsEnv` takes it.
+    * `heading`: "velocity" turns the robot along its velocity, "fixed" holds its heading, "free"
       turns it at `env.unwrapped.drive.adapter.turn` [rad/s], each no faster than its velocity can
       follow; None takes the contract's rule. A differential drive turns as it must.
-    * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else what the robot's
-      own motors do: the greatest forward speed of the contract, and its overshoot.
+    * `v_max`: the strict cap on the speed [m/s]; None takes the scenario's, else that of the
+      robot's own motors: the greatest forward speed of the contract, and its overshoot.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, start pose.
     * `disturbances`: plain dict of scheduled or random pushes.
     * `body`: what must stay outside: "point", the trunk's origin (of a differential drive its
-      axle), or "footprint", the whole robot, for which infos then have `body_h` and `min_body_h`
-      (m,) besides.
+      axle), or "footprint", the whole robot, for which infos also have `body_h` and `min_body_h`
+      (m,).
     * `render_mode`: None, "rgb_array", or "human" (a window).
-
-    ## Version History
-    * v0: first release.
     """
 
     def __init__(
@@ -131,19 +118,18 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         return float(braking.speed_left(known.v_max, known.uncertainty.speed))
 
     def _stopped(self) -> bool:
-        """Return whether the robot has fallen or its controller has failed; warn of the latter."""
+        """Return whether the robot has fallen or its controller has failed; warn if it has."""
         if self.drive.failed:
             warn_caller(
                 f"walker {self.contract.name!r}: its controller {self.contract.policy} gave no "
-                "finite action of its size; the last inputs of the actuators stand, and the "
+                "finite action of its size; the last inputs of the actuators hold, and the "
                 "episode ends",
                 SafetyWarning,
             )
         return self.drive.failed or super()._stopped()
 
     def _info_of(self, motion: Motion) -> Info:
-        """Return what infos say of the robot besides."""
-        info = super()._info_of(motion)
-        info["controller_failed"] = np.float64(self.drive.failed)
-        info["command"] = self.drive.command.copy()
-        return info
+        return super()._info_of(motion) | {
+            "controller_failed": np.float64(self.drive.failed),
+            "command": self.drive.command.copy(),
+        }

@@ -1,68 +1,66 @@
-"""From what a robot was commanded and what it did to the numbers of its `Response`."""
+r"""The numbers of a `Response`, from a robot's commands and its motion.
+
+.. math:: τ \dot v = g\, c(t - δ) - v
+
+For every τ and δ of a grid the response to the commands is simulated with g = 1; the best g is then
+a ratio of sums. The pair with the least squares is taken: a gait's oscillation does not bias it, as
+nothing measured is fed back.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_robots.identification.model import Fit, fit, late, respond
-from hcbf_robots.walkers.response_monitor import SHARE
+from hcbf_robots.walkers.motion_monitor import SHARE
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import LASTING, Response
 
-QUANTILES = (50.0, 95.0, 99.9)
-"""Of the residual [%]."""
+TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)  # those that are tried [s]
+LONGEST_DELAY = 0.3  # that is tried [s]
+QUANTILES = (50.0, 95.0, 99.9)  # of the residual [%]
 
-FAST = 0.6
-"""Share of the greatest speed that was commanded from which on the robot is fast."""
-RECENT = 1.0
-"""How far back a greater command excuses a speed [s]."""
+FAST = 0.6  # share of the greatest speed that was commanded from which on the robot is fast
+RECENT = 1.0  # how far back a greater command excuses a speed [s]
 
 
 class Record(NamedTuple):
-    """What was commanded and what was done, in the axes in which commands are commanded.
+    """What was commanded and done, in the axes of commands."""
 
-    Attributes:
-        command: (n, k) commanded from each sample on [m/s, rad/s].
-        done: (n, k) at each sample; of a differential drive the point's velocity in the robot's
-            axes comes first, then the turning rate.
-        falls: how often the robot fell; it went on from the start then.
-    """
-
-    command: Array
+    command: Array  # (n, k) commanded from each sample on [m/s, rad/s]
+    # (n, k) at each sample; of a differential drive the point's velocity in the robot's axes comes
+    # first, then the turning rate
     done: Array
-    falls: int = 0
+    falls: int = 0  # how often the robot fell, and started again
+
+
+class Fit(NamedTuple):
+    """One axis."""
+
+    gain: float  # g
+    time_constant: float  # τ [s]
+    delay: float  # δ [s]
+    predicted: Array  # (n,) what the model makes of the commands
 
 
 class Stop(NamedTuple):
-    """A stop from a run.
+    """A stop from a run."""
 
-    Attributes:
-        distance: that the robot went on [m].
-        deceleration: from 90 to 10 % of the speed [m/s²].
-        rise: of the run's beginning, from 10 to 90 % [s].
-    """
-
-    distance: float
-    deceleration: float
-    rise: float
+    distance: float  # that the robot went on [m]
+    deceleration: float  # from 90 to 10 % of the speed [m/s²]
+    rise: float  # of the run's beginning, from 10 to 90 % [s]
 
 
 class Identified(NamedTuple):
-    """What was measured, and what it was measured from.
+    """What was measured, and what it was measured from."""
 
-    Attributes:
-        response: the numbers.
-        record: under commands that change.
-        fits: of every entry of the command.
-    """
-
-    response: Response
-    record: Record
-    fits: tuple[Fit, ...]
+    response: Response  # the numbers
+    record: Record  # under commands that change
+    fits: tuple[Fit, ...]  # of every entry of the command
 
 
 def analyse(
@@ -75,10 +73,10 @@ def analyse(
     """Return how a robot follows.
 
     Args:
-        command: what it may be commanded.
+        command: its limits.
         record: under commands that change.
         stops: from runs, one at least.
-        creeping: records of commands that grow slowly, if there are any.
+        creeping: records of commands that grow slowly.
         seconds: how long it counts as observed [s]; None for the record's length.
     """
     fits = tuple(
@@ -91,12 +89,14 @@ def analyse(
     left = command.in_plane(record.done) - _predicted(command, fits, record)
     lasting = max(_lasting(command, fits, one) for one in (record, *creeping))
     commanded = command.in_plane(record.command * np.array([one.gain for one in fits]))
+    quantiles = np.percentile(np.hypot(*left.T), QUANTILES)
+    half, often, nearly_always = (round(float(value), 4) for value in quantiles)
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
-        residual=_rounded(np.percentile(np.hypot(*left.T), QUANTILES)),
-        sway=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
+        residual=(half, often, nearly_always),
+        deviation=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
         overshoot=round(_overshoot(command, commanded, record), 4),
         rise=round(float(np.median([one.rise for one in stops])), 3),
         stopping=round(max(one.distance for one in stops), 3),
@@ -109,12 +109,7 @@ def analyse(
 
 
 def stop_of(run: Array, after: Array) -> Stop:
-    """Return how a run ended.
-
-    Args:
-        run: (n, 2) velocities from the step of the command on [m/s].
-        after: (m, 2) velocities from the command to stop on [m/s].
-    """
+    """Return how a run ended, by velocities (n, 2) in it and (m, 2) from its end on [m/s]."""
     ahead = run.mean(axis=0)
     length = float(np.hypot(*ahead))
     along = ahead / length if length > 0.0 else ahead
@@ -155,22 +150,14 @@ def _strays(left: Array, seconds: float) -> Array:
 
 
 def _moved(velocity: Array, seconds: float) -> Array:
-    """Return (n,) how long the way is within so many seconds [m]."""
+    """Return (n,) how long the path is within so many seconds [m]."""
     steps = max(1, round(seconds / CONTROL_DT))
-    way = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
-    return way[steps:] - way[:-steps]
+    path = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
+    return path[steps:] - path[:-steps]
 
 
 def _overshoot(command: Command, commanded: Array, record: Record) -> float:
-    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s].
-
-    What sways at rest does not count: near a cap on the speed the robot is fast.
-
-    Args:
-        command: what the robot may be commanded.
-        commanded: (n, 2) velocities that it should reach [m/s].
-        record: what it did.
-    """
+    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s]."""
     back = round(RECENT / CONTROL_DT)
     asked = np.concatenate([np.zeros(back), np.hypot(*commanded.T)])
     recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
@@ -178,6 +165,30 @@ def _overshoot(command: Command, commanded: Array, record: Record) -> float:
     return float(np.percentile(excess[recent >= FAST * recent.max()], QUANTILES[-1]))
 
 
-def _rounded(values: Array) -> tuple[float, float, float]:
-    half, most, all_but_few = (round(float(value), 4) for value in values)
-    return half, most, all_but_few
+def fit(command: Array, measured: Array, period: float) -> Fit:
+    """Return the response that explains what was measured (n,) best, by commands (n,) held each."""
+    best, least = None, np.inf
+    for steps in range(round(LONGEST_DELAY / period) + 1):
+        commanded = late(command, steps * period, period)
+        for tau in TIME_CONSTANTS:
+            unit = respond(commanded, float(tau), period)
+            power = float(unit @ unit)
+            gain = float(unit @ measured) / power if power > 0.0 else 0.0
+            left = measured - gain * unit
+            error = float(left @ left)
+            if error < least:
+                best, least = Fit(gain, float(tau), steps * period, gain * unit), error
+    assert best is not None
+    return best
+
+
+def late(command: Array, delay: float, period: float) -> Array:
+    """Return (n,) the commands as they come after a delay [s], zero before."""
+    return np.concatenate([np.zeros(round(delay / period)), command])[: len(command)]
+
+
+def respond(command: Array, time_constant: float, period: float) -> Array:
+    """Return (n,) the first-order response to a held command, from rest."""
+    keep = float(np.exp(-period / time_constant))
+    # what is commanded from sample k on shows at sample k + 1
+    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], command), dtype=np.float64)

@@ -23,7 +23,7 @@ from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response
 
 SHORTEST, LONGEST = 10.0, 3600.0
-"""Of random commands [s]: less tells nothing, and more tells nothing new."""
+"""Of random commands [s]: less shows nothing, and more nothing new."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,16 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Measure, write, and say where the robot does not follow."""
+    """Measure, write, and report where the robot does not follow."""
+    from hcbf_robots.identification.picture import plot  # imports Matplotlib
+
     identified, command, name, file = _simulated(args) if args.log is None else _driven(args)
     response = identified.response
     if args.output is not None:
         file = args.output / file.name
     response.save(file)
     picture = file.with_suffix(".png")
-    _draw(identified, name, picture)
+    plot(identified, name, picture)
     console = Console()
     console.print(_table(name, command, response))
     for complaint in response.complaints:
@@ -62,11 +64,7 @@ def main(args: Args) -> None:
 
 
 def _simulated(args: Args) -> tuple[Identified, Command, str, Path]:
-    """Return what a simulation shows, of whom, and where it is written.
-
-    Raises:
-        HcbfError: if there is no such contract, or MuJoCo is missing.
-    """
+    """Return what a simulation shows, of whom, and where it is written."""
     if not args.contract:
         raise InvalidInputError("identify: got neither a contract nor --log, expected one of them")
     seconds = finite_float("seconds", args.seconds, minimum=SHORTEST, maximum=LONGEST)
@@ -81,11 +79,7 @@ def _simulated(args: Args) -> tuple[Identified, Command, str, Path]:
 
 
 def _driven(args: Args) -> tuple[Identified, Command, str, Path]:
-    """Return what a log shows, of whom, and where it is written.
-
-    Raises:
-        HcbfError: if it shows nothing, or there is no such contract.
-    """
+    """Return what a log shows, of whom, and where it is written."""
     assert args.log is not None
     command, name, file = None, args.log.stem, args.log.with_suffix(".response.json")
     if args.contract:
@@ -98,12 +92,6 @@ def _driven(args: Args) -> tuple[Identified, Command, str, Path]:
     return identified, command, name, file
 
 
-def _draw(identified: Identified, name: str, picture: Path) -> None:
-    from hcbf_robots.identification.picture import plot
-
-    plot(identified, name, picture)
-
-
 def _table(name: str, command: Command, response: Response) -> Table:
     """Return the numbers with their units."""
     names = ("v", "ω") if command.sideways is None else ("v_x", "v_y", "ω")
@@ -114,7 +102,7 @@ def _table(name: str, command: Command, response: Response) -> Table:
     table.add_row("time constant", f"{response.time_constant:.3f} s")
     table.add_row("delay", f"{response.delay:.3f} s")
     table.add_row("residual 50, 95, 99.9 %", f"{half:.3f}, {often:.3f}, {almost:.3f} m/s")
-    table.add_row("sway while it follows, 99.9 %", f"{response.sway:.3f} m")
+    table.add_row("deviation while it follows, 99.9 %", f"{response.deviation:.3f} m")
     table.add_row("residual that lasts, 99.9 %", f"{response.lasting:.3f} m/s")
     table.add_row("overshoot, 99.9 %", f"{response.overshoot:.3f} m/s")
     table.add_row("rise, 10 to 90 %", f"{response.rise:.2f} s")

@@ -1,4 +1,4 @@
-"""A robot that was driven by hand: its log says how it follows, without a simulation.
+"""How a robot follows, from the log of a drive by hand, without a simulation.
 
 A CSV file with a header. Each line has a time, and the command from then on, or what was measured
 then, or both; cells of what it does not have are empty. All times are of one clock.
@@ -24,39 +24,27 @@ import numpy as np
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
-from hcbf_robots.identification.analysis import Identified, Record, Stop, analyse, stop_of
-from hcbf_robots.identification.model import LONGEST_DELAY, late
+from hcbf_robots.identification import analysis
+from hcbf_robots.identification.analysis import LONGEST_DELAY, Identified, Record, Stop
 from hcbf_robots.walkers.walker_parts import Command
 
 COMMANDED, POSE, TWIST = ("cmd_vx", "cmd_vy", "cmd_w"), ("x", "y", "yaw"), ("vx", "vy", "w")
 UNITS = ("m/s", "m/s", "rad/s")
 
-SHORTEST = 20.0
-"""Of a log [s]."""
-GAP, SLOWEST = 1.0, 0.2
-"""The longest time between two measurements, and the longest that it may be in the median [s]."""
-VARIES = 4.0
-"""By how many times its greatest value an entry must have changed, all changes added up."""
-WHOLE = 0.5
-"""Share of its greatest speed from which a stop counts, and of a contract's limit that must have
-been commanded."""
-BEFORE, AFTER, RAMP = 1.0, 1.0, 0.7
-"""How long a run and the stop after it must last, and how long the command may fall between [s]."""
-AGREES, WITHIN = 0.25, 0.5
-"""Share of the motion within which pose and twist must agree, over so many seconds [s]."""
-EARLIEST, LATEST = 0.06, 1.0
-"""How far what was done is looked for before and after what was commanded [s]."""
+SHORTEST = 20.0  # of a log [s]
+GAP, SLOWEST = 1.0, 0.2  # between two measurements at most, and in the median [s]
+VARIES = 4.0  # changes of an entry, added up, as multiples of its greatest value
+WHOLE = 0.5  # share of its greatest speed from which a stop counts, and of a contract's limit
+BEFORE, AFTER, RAMP = 1.0, 1.0, 0.7  # lengths of a run, its stop, and the ramp between [s]
+AGREES, WITHIN = 0.25, 0.5  # share in which pose and twist agree, over so many seconds [s]
+EARLIEST, LATEST = 0.06, 1.0  # how far motion is looked for before and after its command [s]
+# length of a rest [s], the greatest share of a command in it, the share of the greatest motion
+# that ends it, and over how long noise is smoothed then [s]
 RESTS, RESTING, BEGINS, SMOOTHED = 1.0, 0.02, 0.2, 0.1
-"""How long a rest lasts [s], the share of the greatest command that is one, that of the greatest
-motion from which it has ended, and over how long noise is smoothed then [s]."""
-YAW_OFF, SLIDES = 0.09, 0.3
-"""By how much a yaw may be off [rad], and an axle move aside, as a share of its speed."""
-RISE = math.log(9.0)
-"""Time constants from 10 to 90 % of a step."""
-CHANGES = 0.1
-"""Over which the fastest change of what was done counts [s]."""
-DEGREES = (30.0, 120.0)
-"""A turning rate that is so many times what it should be is one in degrees."""
+YAW_OFF, SLIDES = 0.09, 0.3  # of a yaw [rad], and of an axle aside, as a share of its speed
+RISE = math.log(9.0)  # time constants from 10 to 90 % of a step
+CHANGES = 0.1  # over which the fastest change counts [s]
+DEGREES = (30.0, 120.0)  # a turning rate that is so many times too great is in degrees
 
 DRIVE = (
     "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
@@ -66,31 +54,23 @@ DRIVE = (
 
 
 class Log(NamedTuple):
-    """What a file holds.
+    """What a file holds."""
 
-    Attributes:
-        commanded_at: (m,) [s].
-        commanded: (m, k) commands from then on [m/s, rad/s].
-        time: (n,) of the measurements [s].
-        pose: (n, 3) [m, rad]; NaN where there is none.
-        twist: (n, 3) [m/s, rad/s]; NaN where there is none.
-    """
-
-    commanded_at: Array
-    commanded: Array
-    time: Array
-    pose: Array
-    twist: Array
+    commanded_at: Array  # (m,) [s]
+    commanded: Array  # (m, k) commands from then on [m/s, rad/s]
+    time: Array  # (n,) of the measurements [s]
+    pose: Array  # (n, 3) [m, rad]; NaN where there is none
+    twist: Array  # (n, 3) [m/s, rad/s]; NaN where there is none
 
 
 def identify_log(
     path: Path, command: Command | None = None, look_ahead: float | None = None
 ) -> tuple[Identified, Command]:
-    """Return how a robot follows, from the log of a drive, and what it may be commanded.
+    """Return how a robot follows, from the CSV file of a drive, and what it may be commanded.
 
     Args:
-        path: of the CSV file.
-        command: what the robot may be commanded; None takes the greatest that it was commanded.
+        path: of the file.
+        command: its limits; None takes the greatest commands.
         look_ahead: ℓ of a differential drive without a contract [m].
 
     Raises:
@@ -112,18 +92,14 @@ def identify_log(
     _check_degrees(record)
     stops = _stops(record, command)
     commanded = record, record._replace(command=_within_reach(record))
-    found = (analyse(command, one, stops) for one in commanded)
+    found = (analysis.analyse(command, one, stops) for one in commanded)
     best = min(found, key=lambda one: one.response.residual[1])
     rise = round(RISE * best.response.time_constant, 3)
     return best._replace(response=replace(best.response, rise=rise)), command
 
 
 def read(path: Path) -> Log:
-    """Read a log.
-
-    Raises:
-        InvalidInputError: if there is none; the message names the line.
-    """
+    """Read a log, or raise an InvalidInputError that names the line."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file, strict=True))
@@ -131,12 +107,12 @@ def read(path: Path) -> Log:
         raise InvalidInputError(f"log: got {path} ({error}), expected a CSV file") from error
     header = [name.strip() for name in lines[0]] if lines else []
     known = ("time", *COMMANDED, *POSE, *TWIST)
-    bent = [name for name in header if name not in known or header.count(name) > 1]
+    wrong = [name for name in header if name not in known or header.count(name) > 1]
     sideways = ("cmd_vy",) if "cmd_vy" in header else ()
     twist = ("vx", *(("vy",) if sideways or "vy" in header else ()), "w")
     commanded = ("cmd_vx", *sideways, "cmd_w")
     has_pose, has_twist = set(POSE) <= set(header), set(twist) <= set(header)
-    if bent or not {"time", *commanded} <= set(header) or not (has_pose or has_twist):
+    if wrong or not {"time", *commanded} <= set(header) or not (has_pose or has_twist):
         raise InvalidInputError(
             f"log: got the columns {header}, expected time, {', '.join(commanded)}, and "
             f"{', '.join(POSE)} or {', '.join(twist)} or both, among {list(known)}"
@@ -158,22 +134,20 @@ def read(path: Path) -> Log:
     pose = np.column_stack([parts[name] for name in POSE])
     moves = np.column_stack([parts[name] for name in TWIST])
     commands = np.column_stack([columns[name] for name in commanded])
-    is_told = np.isfinite(commands).all(axis=1)
+    is_commanded = np.isfinite(commands).all(axis=1)
     measured: Mask = np.logical_and.reduce(np.isfinite(moves), axis=1)
     if not measured.any():
         measured = np.logical_and.reduce(np.isfinite(pose), axis=1)
     measured[1:] &= ~(measured[1:] & measured[:-1] & (np.diff(time) == 0.0))
-    log = Log(time[is_told], commands[is_told], time[measured], pose[measured], moves[measured])
+    log = Log(
+        time[is_commanded], commands[is_commanded], time[measured], pose[measured], moves[measured]
+    )
     _check_times(log)
     return log
 
 
 def _numbers(row: list[str], count: int, line: int) -> list[float]:
-    """Return a line's numbers; NaN for empty cells.
-
-    Raises:
-        InvalidInputError: if there are others than numbers, or another number of cells.
-    """
+    """Return a line's numbers; NaN for empty cells."""
     if len(row) != count:
         raise InvalidInputError(f"log: line {line}: got {len(row)} cells, expected {count}")
     found = []
@@ -188,11 +162,7 @@ def _numbers(row: list[str], count: int, line: int) -> list[float]:
 
 
 def _check_times(log: Log) -> None:
-    """Refuse logs that are too short, too sparse, or of two clocks that do not meet.
-
-    Raises:
-        InvalidInputError: if one is.
-    """
+    """Refuse logs that are too short, too sparse, or of two clocks that do not meet."""
     if len(log.time) < 3 or len(log.commanded) < 2:
         raise InvalidInputError(
             f"log: got {len(log.commanded)} commands and {len(log.time)} measurements; {DRIVE}"
@@ -216,11 +186,7 @@ def _check_times(log: Log) -> None:
 
 
 def _command(log: Log, look_ahead: float | None) -> Command:
-    """Return the greatest that the robot was commanded.
-
-    Raises:
-        InvalidInputError: if an entry was never commanded, or ℓ is missing or too much.
-    """
+    """Return the greatest that the robot was commanded."""
     most = np.abs(log.commanded).max(axis=0)
     _check_commanded(log, most)
     if len(most) == 2 and look_ahead is None:
@@ -236,11 +202,7 @@ def _command(log: Log, look_ahead: float | None) -> Command:
 
 
 def _check_varies(log: Log, command: Command) -> None:
-    """Refuse logs in which an entry of the command hardly changes.
-
-    Raises:
-        InvalidInputError: if one does; the message names it, and a drive that shows it.
-    """
+    """Refuse logs in which an entry of the command hardly changes."""
     _check_commanded(log, WHOLE * command.limits)
     greatest = np.abs(log.commanded).max(axis=0)
     varied = np.abs(np.diff(log.commanded, axis=0, prepend=0.0)).sum(axis=0) / greatest
@@ -253,11 +215,7 @@ def _check_varies(log: Log, command: Command) -> None:
 
 
 def _check_commanded(log: Log, least: Array) -> None:
-    """Refuse logs in which an entry was commanded less than (k,) some value, or nothing.
-
-    Raises:
-        InvalidInputError: if one was.
-    """
+    """Refuse logs in which an entry was commanded less than (k,) some value, or nothing."""
     greatest = np.abs(log.commanded).max(axis=0)
     for name, most, needed in zip(_names(log), greatest, least, strict=True):
         if most < needed or most == 0.0:
@@ -283,11 +241,7 @@ def _from_pose(time: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def _check_agrees(log: Log) -> None:
-    """Refuse logs whose pose does not move as the twist says.
-
-    Raises:
-        InvalidInputError: if it does not; the message names the entry.
-    """
+    """Refuse logs whose pose contradicts the twist."""
     both = np.isfinite(log.pose).all(axis=1) & np.isfinite(log.twist).all(axis=1)
     if both.sum() < 3:
         return
@@ -296,13 +250,13 @@ def _check_agrees(log: Log) -> None:
     window = max(1, round(WITHIN / float(np.median(np.diff(time)))))
     smooth = np.ones(window) / window
     for k, (name, unit) in enumerate(zip(TWIST, UNITS, strict=True)):
-        said = np.convolve(np.interp(at, time, twist[:, k]), smooth, "valid")
+        given = np.convolve(np.interp(at, time, twist[:, k]), smooth, "valid")
         moved = np.convolve(derived[:, k], smooth, "valid")
-        size = float(np.sqrt(np.mean(said**2)))
-        off = float(np.sqrt(np.mean((moved - said) ** 2)))
+        size = float(np.sqrt(np.mean(given**2)))
+        off = float(np.sqrt(np.mean((moved - given) ** 2)))
         least = float(np.sqrt(np.mean(log.commanded[:, min(k, log.commanded.shape[1] - 1)] ** 2)))
         if off > AGREES * max(size, 0.5 * least):
-            ratio = float(moved @ said) / max(float(said @ said), 1e-12)
+            ratio = float(moved @ given) / max(float(given @ given), 1e-12)
             why = ": is it in degrees?" if k == 2 and _is_degrees(ratio) else ""
             raise InvalidInputError(
                 f"log: pose and twist disagree: {name} is {size:.3g} {unit} by the twist in the "
@@ -328,13 +282,7 @@ def _record(log: Log, command: Command) -> Record:
 
 
 def _means(at: Array, held: Array, edges: Array) -> Array:
-    """Return (n, k) the means between n + 1 times of what is held from other times on.
-
-    Args:
-        at: (m,) from when on; it is zero before.
-        held: (m, k).
-        edges: (n + 1,).
-    """
+    """Return (n, k) the means between n + 1 times of what is held from other times on."""
     ends = np.append(at, max(edges[-1], at[-1]))
     steps = np.diff(ends)[:, None] * held
     area = np.vstack([np.zeros_like(held[:1]), steps.cumsum(axis=0)])
@@ -343,11 +291,7 @@ def _means(at: Array, held: Array, edges: Array) -> Array:
 
 
 def _within_reach(record: Record) -> Array:
-    """Return (n, k) commands that change no faster than the robot ever did.
-
-    Motors of limited strength make of a step such a ramp, which a first-order response does not
-    explain. A filter asks for no step: it changes a velocity no harder than the robot brakes.
-    """
+    """Return (n, k) commands that change no faster than the robot ever did."""
     steps = round(CHANGES / CONTROL_DT)
     fastest = np.abs(record.done[steps:] - record.done[:-steps]).max(axis=0) / CHANGES
     slewed, now = np.empty_like(record.command), record.command[0]
@@ -358,15 +302,7 @@ def _within_reach(record: Record) -> Array:
 
 
 def _check_clock(record: Record, apart: float) -> None:
-    """Refuse logs in which what was done comes before what was commanded, or a second after it.
-
-    Args:
-        record: of the log.
-        apart: from one measurement to the next [s].
-
-    Raises:
-        InvalidInputError: if it does.
-    """
+    """Refuse logs in which what was done comes before what was commanded, or a second after it."""
     commanded, done = record.command[:, 0], record.done[:, 0]
     early, steps = round(EARLIEST / CONTROL_DT), round(LATEST / CONTROL_DT)
     # what is done at rest follows changes: the delay at which both correlate best is δ + τ or so
@@ -393,7 +329,7 @@ def _check_clock(record: Record, apart: float) -> None:
             "one clock for commands and measurements: its lag would hide how late commands are "
             "stamped"
         )
-    if abs(float(late(commanded, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
+    if abs(float(analysis.late(commanded, max(best, 0) * CONTROL_DT, CONTROL_DT) @ done)) == 0.0:
         raise InvalidInputError(f"log: the robot does not move; {DRIVE}")
 
 
@@ -417,14 +353,7 @@ def _onset(record: Record) -> float | None:
 
 
 def _check_rolls(log: Log, command: Command) -> None:
-    """Refuse poses of a differential drive that slides: yaw is off, or an axis is mirrored.
-
-    What is across the heading is ``v tan(off) + ω b``, where b is how far before the axle the pose
-    is measured.
-
-    Raises:
-        InvalidInputError: if it does.
-    """
+    """Refuse poses of a differential drive that slides: yaw is off, or an axis is mirrored."""
     if command.look_ahead is None or np.isfinite(log.twist).all():
         return
     at, twist = _from_pose(log.time, log.pose)
@@ -443,11 +372,7 @@ def _check_rolls(log: Log, command: Command) -> None:
 
 
 def _check_degrees(record: Record) -> None:
-    """Refuse logs in which a turning rate is in degrees.
-
-    Raises:
-        InvalidInputError: if one is.
-    """
+    """Refuse logs in which a turning rate is in degrees."""
     commanded, done = record.command[:, -1], record.done[:, -1]
     ratio = float(np.std(done)) / float(np.std(commanded))
     if _is_degrees(ratio):
@@ -463,11 +388,7 @@ def _is_degrees(ratio: float) -> bool:
 
 
 def _stops(record: Record, command: Command) -> list[Stop]:
-    """Return the stops from speed.
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return the stops from speed."""
     commanded = command.in_plane(record.command)
     moved = command.in_plane(record.done)
     speed = (
@@ -484,7 +405,7 @@ def _stops(record: Record, command: Command) -> list[Stop]:
             until = rest + after
             while until < min(len(commanded), rest + 2 * after) and still[until]:
                 until += 1
-            found.append(stop_of(moved[k - before : k], moved[k:until]))
+            found.append(analysis.stop_of(moved[k - before : k], moved[k:until]))
     if not found:
         raise InvalidInputError(
             f"log: got no stop from at least half of the greatest speed, held for {BEFORE:g} s, to "

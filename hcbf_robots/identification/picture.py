@@ -10,20 +10,13 @@ from hcbf_gym.drawing import palette
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_robots.identification.analysis import Identified
 
-SHOWN = 20.0
-"""How much of the record is drawn [s]."""
+SHOWN = 20.0  # how much of the record is drawn [s]
 NAMES = {2: ("v [m/s]", "ω [rad/s]"), 3: ("v_x [m/s]", "v_y [m/s]", "ω [rad/s]")}
 """Of the command's entries, by how many there are."""
 
 
 def plot(identified: Identified, title: str, path: Path) -> None:
-    """Draw every entry of the command: commanded, done, and what the fitted response makes of it.
-
-    Args:
-        identified: what was measured.
-        title: of the picture.
-        path: to write to.
-    """
+    """Draw every entry of the command: commanded, done, and the fitted response."""
     record, fits = identified.record, identified.fits
     shown = round(SHOWN / CONTROL_DT)
     time = CONTROL_DT * np.arange(len(record.command[:shown]))

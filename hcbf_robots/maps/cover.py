@@ -18,61 +18,41 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask, Places
 from hcbf_gym.errors import InvalidInputError
 
-MOST_PIECES = 500_000
-"""Of a cover: a raster that needs more shows no walls."""
+MOST_PIECES = 500_000  # of a cover: a raster that needs more shows no walls
 
 Window = tuple[int, int, int, int]
 
 
 class Cover(NamedTuple):
-    """The convex pieces that cover a class of cells.
+    """The convex pieces that cover a class of cells."""
 
-    Attributes:
-        corners: (P, 8, 2) column and row of each piece's corners, counter-clockwise; the rest 0.
-        sizes: (P,) how many there are.
-        owner: (rows, columns) which piece answers for a cell, −1 for none.
-    """
-
+    # (P, 8, 2) column and row of each piece's corners, counter-clockwise; the rest 0
     corners: Integers
-    sizes: Integers
-    owner: Places
+    sizes: Integers  # (P,) how many there are
+    owner: Places  # (rows, columns) which piece answers for a cell, −1 for none
 
     @classmethod
     def of(cls, cells: Mask) -> Self:
-        """Return the cover of all true cells (rows, columns).
-
-        Raises:
-            InvalidInputError: if it needs more than `MOST_PIECES`.
-        """
+        """Return the cover of all true cells (rows, columns), of `MOST_PIECES` at most."""
         owner = np.full(cells.shape, -1, dtype=np.int32)
         whole = (0, 0, cells.shape[0], cells.shape[1])
         return cls(*_core.cover_cells(cells, whole, owner, 0), owner)._checked()
 
     def _checked(self) -> Self:
-        """Return the cover.
-
-        Raises:
-            InvalidInputError: if it has more than `MOST_PIECES`.
-        """
+        """Return the cover."""
         if len(self.sizes) > MOST_PIECES:
             raise InvalidInputError(
                 f"map: got {self.owner.shape} cells that need {len(self.sizes)} convex pieces, "
                 f"expected at most {MOST_PIECES}: use a coarser resolution, such as every second "
-                "row and column, or remove what is no wall"
+                "row and column, or remove cells that are not walls"
             )
         return self
 
     def after(self, cells: Mask, window: Window) -> Self:
         """Return the cover of `cells`, which differ from those covered here in a window alone.
 
-        Pieces that come within a cell of the window are made anew, the others stay.
-
-        Args:
-            cells: (rows, columns) as they are now.
-            window: first row, first column, and the row and column after the last.
-
-        Raises:
-            InvalidInputError: if it needs more than `MOST_PIECES`.
+        Pieces that come within a cell of the window are made anew, the others stay. The window is
+        its first row and column, and the row and column after its last.
         """
         low_row, low_column, high_row, high_column = window
         inner = np.arange(self.corners.shape[1]) < self.sizes[:, None]

@@ -19,12 +19,9 @@ from hcbf_robots.maps.ranked_map import RankedMap
 NAMES = ("flat", "office", "warehouse")
 FOLDER = Path(__file__).parent / "plans"
 
-SLOW = 0.5
-"""Speed limit in the zones of the plans [m/s]."""
-CLEAR = 0.7
-"""What the way from start to goal leaves to everything but speed zones [m]."""
-APART = 3.0
-"""Least distance between start and goal, where the map has such places [m]."""
+SLOW = 0.5  # speed limit in the zones of the plans [m/s]
+CLEAR = 0.7  # what the way from start to goal leaves to everything but speed zones [m]
+APART = 3.0  # least distance between start and goal, where the map has such places [m]
 _TRIES = 16
 
 
@@ -35,10 +32,7 @@ def through(floor: RankedMap, rng: np.random.Generator, start: Array, goal: Arra
         floor: the map.
         rng: gives as many numbers for every path.
         start: (2,) where the path's start is written [m].
-        goal: (2,) likewise.
-
-    Raises:
-        InvalidInputError: if there is no place for a body.
+        goal: (2,) where its end is written [m].
     """
     found = places(floor)
     first, *others = found[rng.integers(len(found), size=1 + _TRIES)]
@@ -67,11 +61,7 @@ def load(plan: str) -> RankedMap:
 
 
 def described(data: object) -> RankedMap:
-    """Return the map that a plain dict describes, read and covered once.
-
-    Raises:
-        InvalidInputError: if it describes none.
-    """
+    """Return the map that a plain dict describes, read and covered once."""
     records.check_mapping("map", data)
     return _described(json.dumps(records.plain(data), sort_keys=True))
 
@@ -83,11 +73,7 @@ def _described(text: str) -> RankedMap:
 
 @lru_cache(maxsize=8)
 def places(floor: RankedMap) -> Array:
-    """Return (K, 2) the middles of cells where a body can be, all joined by ways [m].
-
-    Raises:
-        InvalidInputError: if there is none.
-    """
+    """Return (K, 2) the middles of cells where a body can be, all joined by paths [m]."""
     from scipy import ndimage
 
     shut = np.zeros(floor.grid.shape, dtype=np.bool_)

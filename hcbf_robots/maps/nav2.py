@@ -22,17 +22,14 @@ from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
-GREY = 205
-"""Of a pixel by which map savers write a cell that was never seen."""
+GREY = 205  # of a pixel by which map savers write a cell that was never seen
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
-UNREAD = ("map_type",)
-"""What map servers write and nobody reads."""
+UNREAD = ("map_type",)  # written by map servers, read by none
 MODES = ("trinary", "scale", "raw")
 
-LONGEST_TEXT = 65_536
-"""Bytes of a YAML file that describes a map."""
+LONGEST_TEXT = 65_536  # bytes of a YAML file that describes a map
 
 _KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
 _IMAGES = {"PPM": "PGM", "PNG": "PNG"}
@@ -40,14 +37,10 @@ _PLAIN = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")
 
 
 class Raster(NamedTuple):
-    """A map as it stands in its files.
+    """A map as it stands in its files."""
 
-    Attributes:
-        grid: where its cells lie.
-        occupancy: (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest.
-    """
-
-    grid: Grid
+    grid: Grid  # where its cells lie
+    # (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest
     occupancy: NDArray[np.int16]
 
 
@@ -68,17 +61,7 @@ def read(path: str | Path, *, drawn: bool = False) -> Raster:
             out of range, or the image is no PGM or PNG of 8 bits.
     """
     path = Path(path)
-    keys = parse(_text(path), str(path))
-    missing = [key for key in NEEDED if key not in keys]
-    if missing:
-        raise InvalidInputError(
-            f"map {path}: {missing} is missing among {shown(list(keys))}, expected {list(NEEDED)}"
-        )
-    others = sorted(set(keys) - {*NEEDED, *OPTIONAL, *UNREAD})
-    if others:
-        warn_caller(
-            f"map {path}: the keys {others} are not read, expected {[*NEEDED, *OPTIONAL]}",
-        )
+    keys = _keys(path)
     mode = keys.get("mode", "trinary")
     choose(f"mode of map {path}", mode, dict.fromkeys(MODES))
     low = finite_float(f"map {path}: free_thresh", keys.get("free_thresh", 0.25), minimum=0.0)
@@ -115,12 +98,22 @@ def read(path: str | Path, *, drawn: bool = False) -> Raster:
     return Raster(grid, values.astype(np.int16)[::-1])
 
 
-def _text(path: Path) -> str:
-    """Return a short text file's content.
+def _keys(path: Path) -> dict[str, Any]:
+    """Return the keys of a map's file."""
+    keys = parse(_text(path), str(path))
+    missing = [key for key in NEEDED if key not in keys]
+    if missing:
+        raise InvalidInputError(
+            f"map {path}: {missing} is missing among {shown(list(keys))}, expected {list(NEEDED)}"
+        )
+    others = sorted(set(keys) - {*NEEDED, *OPTIONAL, *UNREAD})
+    if others:
+        warn_caller(f"map {path}: the keys {others} are not read, expected {[*NEEDED, *OPTIONAL]}")
+    return keys
 
-    Raises:
-        InvalidInputError: if it cannot be read, is too long or is no text.
-    """
+
+def _text(path: Path) -> str:
+    """Return a short text file's content."""
     try:
         size = path.stat().st_size
         text = path.read_text(encoding="utf-8") if size <= LONGEST_TEXT else ""
@@ -138,12 +131,8 @@ def _text(path: Path) -> str:
 def parse(text: str, name: str) -> dict[str, Any]:
     """Return the keys of a YAML file with one level: numbers, texts, and lists of numbers.
 
-    Args:
-        text: of the file.
-        name: what messages call it.
-
     Raises:
-        InvalidInputError: on anything else, and on a key that stands there twice.
+        InvalidInputError: on anything else, and on a key that is there twice.
     """
     keys: dict[str, Any] = {}
     listed: list[Any] | None = None
@@ -190,14 +179,7 @@ def _scalar(text: str) -> Any:
 
 
 def _shade(path: Path, mode: str) -> tuple[Any, Any]:
-    """Return an image's brightness from 0 to 1, and where it is transparent.
-
-    In trinary mode the opacity counts as a colour, as the map server has it; in the others a
-    transparent pixel is not known.
-
-    Raises:
-        InvalidInputError: if there is no such image, or it is too large or of another kind.
-    """
+    """Return an image's brightness from 0 to 1, and where it is transparent."""
     from PIL import Image
 
     try:

@@ -32,11 +32,7 @@ def packed(grid: Grid, classes: tuple[MapClass, ...]) -> dict[str, object]:
 
 
 def unpacked(data: Mapping[str, Any]) -> tuple[Grid, tuple[MapClass, ...]]:
-    """Return the grid and the classes that `packed` described.
-
-    Raises:
-        InvalidInputError: if a key is missing or unknown, or the text holds no such cells.
-    """
+    """Return the grid and the classes that `packed` described."""
     check_options("map", data, KEYS)
     missing = [key for key in KEYS if key not in data]
     if missing:
@@ -60,11 +56,7 @@ def _text(cells: Mask) -> str:
 
 
 def _cells(text: Any, shape: tuple[int, int]) -> Mask:
-    """Return (rows, columns) cells.
-
-    Raises:
-        InvalidInputError: if there are none of this shape.
-    """
+    """Return (rows, columns) cells."""
     count = shape[0] * shape[1]
     try:
         reader = zlib.decompressobj()

@@ -1,4 +1,4 @@
-"""Who pays in a conflict: the classes of a map that give way, and the places of the nearest."""
+"""Which classes of a map are relaxed in a conflict, and where they are nearest."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from hcbf_robots.maps.ranked_map import RankedMap
 
 
 class Paying(NamedTuple):
-    """A class of a map that gives way.
+    """A class of a map that is relaxed.
 
     Attributes:
         name: of the class.
@@ -26,7 +26,7 @@ class Paying(NamedTuple):
 
 
 def paying(ranked: RankedMap, x: ArrayLike, slack: ArrayLike) -> Iterator[Paying]:
-    """Yield the classes that give way at a state, in their order, and where.
+    """Yield the classes that are relaxed at a state, in their order, and where.
 
     Args:
         ranked: the map.

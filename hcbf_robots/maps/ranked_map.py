@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import MappedRegion, MappedZone
 from hcbf_gym.barriers.pieces import Pieces
 from hcbf_gym.errors import (
@@ -25,25 +24,23 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
+from hcbf_gym.scenarios.floor import Floor
 from hcbf_robots.maps import packing, reading
 from hcbf_robots.maps.cover import Cover, boxes
 from hcbf_robots.maps.map_class import MapClass
-from hcbf_robots.maps.reading import Cells
 
 
 @dataclass(frozen=True, eq=False)
-class RankedMap(Several):
+class RankedMap(Floor):
     """Cells of a grid in classes, each with its rank. It never changes: `update` returns another.
 
-    In a list of barriers it stands for one condition a class, in the order of the classes. Of what
-    lies outside the grid nothing is known: it belongs to a class of the kind "unknown", and is free
-    where there is none.
+    In a list of barriers it is one condition a class, in the order of the classes. All outside the
+    grid belongs to a class of the kind "unknown", and is free where there is none.
 
     Args:
         grid: where the cells lie.
         classes: what cells mean; a cell may be of several classes.
         source: the files that it was read from, as `from_dict` takes them; None for arrays.
-        counted: how many cells of the map's file are free, occupied and unknown; None for arrays.
 
     Raises:
         InvalidInputError: if two classes share a name, or cells are not of the grid's shape.
@@ -61,7 +58,6 @@ class RankedMap(Several):
     grid: Grid
     classes: tuple[MapClass, ...]
     source: Mapping[str, Any] | None = field(default=None, repr=False)
-    counted: Cells | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         listed = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
@@ -99,7 +95,7 @@ class RankedMap(Several):
         """Read a map of Nav2, and masks, which are looked up by position as Nav2 does.
 
         A cell that was never seen is unknown, whatever the thresholds of the file. How many cells
-        are free, occupied and unknown is logged, and is `counted` of the map.
+        are free, occupied and unknown is logged.
 
         Args:
             file: YAML of the map server.
@@ -117,8 +113,8 @@ class RankedMap(Several):
                 range, or every cell is strict.
         """
         masks = {} if masks is None else masks
-        grid, classes, counted = reading.read(file, masks, rank, unknown, margin)
-        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin), counted)
+        grid, classes = reading.read(file, masks, rank, unknown, margin)
+        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -175,9 +171,9 @@ class RankedMap(Several):
 
     def polygons(self, name: str) -> list[Array]:
         """Return the corners (k, 2) of the convex pieces that cover a class's cells [m]."""
-        found = self._condition_of(name).pieces.polygons
+        barrier = choose("map class", name, {one.name: one for one in self._conditions})
         covers = {one.name: cover for one, cover in zip(self.classes, self.covers, strict=True)}
-        return found[: len(covers[name].sizes)]
+        return barrier.pieces.polygons[: len(covers[name].sizes)]
 
     def outlines(self, region: MapClass, covered: bool = False) -> list[Array]:
         """Return the corners (k, 2) of rectangles of a class's cells, or of its pieces [m]."""
@@ -269,17 +265,9 @@ class RankedMap(Several):
             corners[:4] = (u0, v0), (u1, v0), (u1, v1), (u0, v1)
         return found
 
-    def _condition_of(self, name: str) -> MappedRegion | MappedZone:
-        """Return the barrier of the class of a name."""
-        return choose("map class", name, {one.name: one for one in self._conditions})
-
 
 def _corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
-    """Return the lowest row and column of a window that lies in the grid.
-
-    Raises:
-        InvalidInputError: if it does not, or holds no truth values.
-    """
+    """Return the lowest row and column of a window that lies in the grid."""
     sound = isinstance(corner, tuple | list) and len(corner) == 2
     sound = sound and all(
         isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 0 for n in corner

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,45 +21,22 @@ Classes = tuple[MapClass, ...]
 
 _LOGGER = logging.getLogger("hcbf_robots.maps")
 
-USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}
-"""Arguments of `RankedMap.load` that need not be given."""
+USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}  # of `RankedMap.load`
 
-KNOWN_FREE = 25
-"""A cell whose occupancy is lower is free, in the graded modes, too."""
+KNOWN_FREE = 25  # a cell whose occupancy is lower is free, in the graded modes, too
 SURELY_OCCUPIED = 65
 """A cell of the map is occupied above that, and unknown between both; a mask counts from free."""
 
 OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
 
-MOST_LIMITS = 16
-"""Speed limits in one mask, each of which becomes a class."""
+MOST_LIMITS = 16  # speed limits in one mask, each of which becomes a class
 
 
-class Cells(NamedTuple):
-    """How many cells of a map's own file are what, whatever their ranks and the masks.
-
-    Attributes:
-        free: those that were seen free.
-        occupied: those that were seen occupied.
-        unknown: the others.
-    """
-
-    free: int
-    occupied: int
-    unknown: int
-
-    @classmethod
-    def of(cls, raster: Raster) -> "Cells":
-        """Return the counts of a map."""
-        occupied, doubtful = (int(cells.sum()) for cells in _split(raster))
-        return cls(raster.occupancy.size - occupied - doubtful, occupied, doubtful)
-
-
-def log(file: str | Path, raster: Raster) -> Cells:
-    """Log and return how many cells a map shows free, occupied and unknown."""
-    cells = Cells.of(raster)
-    _LOGGER.info("map %s: %d cells free, %d occupied, %d unknown", file, *cells)
-    return cells
+def log(file: str | Path, raster: Raster) -> None:
+    """Log how many cells a map shows free, occupied and unknown."""
+    occupied, unknown = (int(cells.sum()) for cells in _split(raster))
+    free = raster.occupancy.size - occupied - unknown
+    _LOGGER.info("map %s: %d cells free, %d occupied, %d unknown", file, free, occupied, unknown)
 
 
 def source(
@@ -84,8 +61,8 @@ def read(
     rank: int,
     unknown: int | None,
     margin: float,
-) -> tuple[Grid, Classes, Cells]:
-    """Read a map and its masks, and count and log what the map shows; see `RankedMap.load`."""
+) -> tuple[Grid, Classes]:
+    """Read a map and its masks, and log what the map shows; see `RankedMap.load`."""
     if not isinstance(file, str | Path) or not str(file):
         raise InvalidInputError(f"map: file: got {shown(file)}, expected the path of a YAML file")
     file = records.expanded("map: file", str(file))
@@ -102,7 +79,8 @@ def read(
             f"map {file}: got no cell that a robot may be in, expected some that are not strict: "
             "see negate and the thresholds, or unknown=None"
         )
-    return raster.grid, tuple(found), log(file, raster)
+    log(file, raster)
+    return raster.grid, tuple(found)
 
 
 def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
@@ -123,20 +101,7 @@ def _split(raster: Raster) -> tuple[Mask, Mask]:
 def _of_mask_file(
     path: Path, name: str, entry: object, grid: Grid, unknown: int | None
 ) -> list[MapClass]:
-    """Return the classes of a mask's file, on the map's cells.
-
-    Warns of cells beyond the map where that counts less than they do: classes cannot hold them.
-
-    Args:
-        path: of the mask.
-        name: what messages call it.
-        entry: its rank or its fields.
-        grid: of the map, on which the mask is looked up by position.
-        unknown: rank of what is outside the map; None of none.
-
-    Raises:
-        InvalidInputError: if a field is not right.
-    """
+    """Return the classes of a mask's file, on the map's cells."""
     label = f"map: mask {name!r}"
     fields: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"rank": entry}
     records.check_mapping(label, fields)
@@ -160,13 +125,8 @@ def _of_mask_file(
 def of_mask(raster: Raster, label: str, fields: dict[str, Any]) -> list[MapClass]:
     """Return the classes of a mask: one keepout, or one for each speed limit in it.
 
-    Args:
-        raster: the mask.
-        label: what messages call it.
-        fields: of `MapClass` but for the cells; "base" and "multiplier" in the place of "limit".
-
-    Raises:
-        InvalidInputError: if a field is not right.
+    The fields are those of `MapClass` but for the cells, with "base" and "multiplier" in place of
+    "limit"; `label` names it in messages.
     """
     base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
     if base is None and multiplier is None:

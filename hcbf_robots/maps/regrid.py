@@ -4,13 +4,11 @@ import math
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Integers, Mask
 from hcbf_gym.models.grid import Grid
 
-INSET = 1e-3
-"""Share of a cell by which two must overlap, so that rounding makes no neighbours."""
-MOST_POINTS = 2_000_000
-"""Places that are looked up at once."""
+INSET = 1e-3  # share of a cell by which two must overlap, so that rounding makes no neighbours
+MOST_POINTS = 2_000_000  # places that are looked up at once
 
 
 def onto(grid: Grid, cells: Mask, of: Grid) -> tuple[Mask, bool]:
@@ -18,11 +16,6 @@ def onto(grid: Grid, cells: Mask, of: Grid) -> tuple[Mask, bool]:
 
     As in Nav2 a cell counts whose centre lies in one of the others; so does each cell that one of
     them reaches into, as what is strict may not be entered anywhere.
-
-    Args:
-        grid: whose cells are returned.
-        cells: (rows, columns) of the other.
-        of: the other.
     """
     if grid == of:
         return cells, False
@@ -57,18 +50,13 @@ def _whose_centres_lie_in(grid: Grid, cells: Mask, of: Grid) -> Mask:
     chunk = max(1, MOST_POINTS // columns)
     for first in range(0, rows, chunk):
         centres = np.mgrid[first : min(rows, first + chunk), 0:columns] + 0.5
-        column, row = _cells_at(of, grid.to_world(centres[::-1].reshape(2, -1).T))
+        points = grid.to_world(centres[::-1].reshape(2, -1).T)
+        column, row = np.floor(of.to_cells(points)).astype(np.int64).T
         inside = _are_in(of, column, row)
         seen = np.zeros(len(column), dtype=np.bool_)
         seen[inside] = cells[row[inside], column[inside]]
         found[first : first + chunk] = seen.reshape(-1, columns)
     return found
-
-
-def _cells_at(grid: Grid, points: Array) -> tuple[Integers, Integers]:
-    """Return columns and rows (N,) of points (N, 2), also beyond the grid."""
-    at = np.floor(grid.to_cells(points)).astype(np.int64)
-    return at[:, 0], at[:, 1]
 
 
 def _are_in(grid: Grid, column: Integers, row: Integers) -> Mask:

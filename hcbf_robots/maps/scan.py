@@ -1,4 +1,4 @@
-"""What a range sensor sees as strict pieces of its own: for people and boxes that are in no map."""
+"""What a range sensor sees, as strict pieces: for people and boxes that are in no map."""
 
 from dataclasses import dataclass, field
 
@@ -23,11 +23,9 @@ from hcbf_gym.models.constants import ON_EARTH
 from hcbf_robots.maps import surfaces
 from hcbf_robots.maps.surfaces import EDGE
 
-FINE = 0.005
-"""By how much a surface may bend before it becomes two pieces [m]."""
+FINE = 0.005  # by how much a surface may bend before it becomes two pieces [m]
 
-REACH = 6.0
-"""Beyond that from the sensor nothing is taken [m], if not told."""
+REACH = 6.0  # from the sensor [m]: by default nothing beyond is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,15 +116,11 @@ class Scan(Several):
 
     @property
     def conditions(self) -> tuple[Barrier, ...]:
-        """The one barrier that it stands for."""
+        """Its one barrier."""
         return (self._seen,)
 
     def _pieces(self, errors: float) -> Pieces:
-        """Return the pieces in the world, of whose margin errors [m] are a part.
-
-        Raises:
-            InvalidInputError: if the points are no (k, 2).
-        """
+        """Return the pieces in the world, of whose margin errors [m] are a part."""
         given = np.asarray(self.points)
         if given.shape[1] != 2:
             raise InvalidInputError(
@@ -148,13 +142,8 @@ def tolerance(noise: float) -> float:
 def reserved(noise: float, period: float, speed: float, margin: float) -> float:
     """Return m + 2 n + b + v T, what a scan reserves around its pieces [m].
 
-    A point is off by n from what was met, and its piece by the tolerance n + b from the point.
-
-    Args:
-        noise: n, by how much a range is wrong at most [m].
-        period: T, how old the scan becomes [s].
-        speed: v, of the fastest thing around [m/s].
-        margin: m, in any case [m].
+    A point is off by the noise n from what was met, and its piece by the tolerance n + b from the
+    point. T is the period and v the speed.
     """
     return margin + tolerance(noise) + (noise + period * speed)
 
@@ -190,12 +179,7 @@ def points_of(
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:
-    """Return an array of numbers, finite or infinite.
-
-    Raises:
-        InvalidInputError: if it is none, of another number of axes, or has a NaN: what failed is
-            not what saw nothing.
-    """
+    """Return an array of numbers, finite or infinite."""
     given = as_array(name, values)
     given = given.reshape((0, 2)[:axes]) if given.size == 0 else given
     if not holds_numbers(given.dtype) or given.ndim != axes:

@@ -20,11 +20,9 @@ EDGE: float = _core.SURFACE_EDGE
 
 
 def pieces(points: Array, tolerance: float, depth: float) -> Array:
-    """Return (P, 4, 2) rectangles, counter-clockwise, along the surfaces that points show.
+    """Return (P, 4, 2) rectangles, counter-clockwise, along the surfaces of points (k, 2) [m].
 
-    Args:
-        points: (k, 2) in the sensor's axes [m], in the order in which a beam turns.
-        tolerance: how far from a piece its points may lie [m].
-        depth: how far pieces reach away from the sensor, where nobody has seen anything [m].
+    The points are in the order in which a beam turns, and within the tolerance of a piece, which
+    reaches away from the sensor by its depth.
     """
     return _core.surface_pieces(points, tolerance, depth)

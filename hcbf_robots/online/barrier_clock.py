@@ -30,22 +30,21 @@ class BarrierClock:
         self._first = min(self._first, present)
 
     def go_on_from(self, other: "BarrierClock") -> None:
-        """Count from when another clock does."""
+        """Count from the first present of another clock."""
         self._first = other._first
 
     def look(self, present: float) -> None:
-        """Note a present [s]; warn of a stamp that is none of the robot's clock, once in a row."""
+        """Note a present [s]; warn of a stamp of another clock, once in a row."""
         if not math.isfinite(present):
             return
-        if self._first == math.inf:
-            self._first = present
+        self._first = present if self._first == math.inf else self._first
         was_sound, seen_at = self.is_sound, self.seen_at
-        age = present - (present if seen_at is None else seen_at)
+        age = 0.0 if seen_at is None else present - seen_at
         self.is_sound = bool(clocks.is_accepted(age, SEEN_FOR))
         if was_sound and not self.is_sound and seen_at is not None:
             warn_caller(
                 f"velocity filter: seen_at: got {seen_at:.9g} s at {present:.9g} s, expected a "
-                f"stamp of the robot's clock ({clocks.says(age, SEEN_FOR)}); the command is "
+                f"stamp of the robot's clock ({clocks.refusal(age, SEEN_FOR)}); the command is "
                 "zero until there is one",
                 SafetyWarning,
             )

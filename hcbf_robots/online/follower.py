@@ -1,4 +1,4 @@
-"""The point that follows commands: what its model does between two of them, and what is told it."""
+"""The point that follows commands: its model between two of them, and the next command."""
 
 import math
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import TINY
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_robots.online.robot import Robot
 from hcbf_robots.walkers.walker_adapter import Adapter
@@ -16,21 +15,21 @@ PAUSE = 1.5
 
 
 class Follower:
-    """The reduced-order model of a robot that is told velocities, from one command to the next.
+    """The reduced-order model of a robot that takes velocities, from one command to the next.
 
     The model retains its velocity in the world's axes. That of a cart is the point before its axle
     and retains it in the cart's own, as the command turns with it (`models.axle`).
 
     Args:
-        robot: what it is told, and how it follows.
+        robot: its commands and response.
         axle: what limits a differential drive; None for all others.
-        follows: τ + δ, after which nothing that was told before is under way [s].
+        follows: τ + δ, after which no earlier command is under way [s].
         able: the greatest acceleration that U has in every direction [m/s²].
         period: T, for which an input is held at most [s].
 
     Attributes:
         limits: of a command [m/s, rad/s].
-        fastest: the greatest speed that the robot is told [m/s].
+        fastest: the greatest commanded speed [m/s].
         begins_at: the greatest speed with which the model begins [m/s].
         velocity: (2,) of the model when it was last known, in its axes [m/s].
     """
@@ -43,7 +42,7 @@ class Follower:
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing of what was told."""
+        """Begin without any command."""
         self.velocity: Array = np.zeros(2)
         self._input: Array = np.zeros(2)
         self._frame_yaw = 0.0  # of the pose's frame in the barriers' [rad]
@@ -55,17 +54,16 @@ class Follower:
         self._adapter.rest()
 
     def go_on_from(self, other: "Follower") -> None:
-        """Take over what another model of the same robot did."""
+        """Take the state of another model of the same robot."""
         self.velocity, self._input, self._moved = other.velocity, other._input, other._moved
         self._frame_yaw = other._frame_yaw
         self._adapter.rest(other._adapter.turns)
 
     def turn(self, yaw: float) -> None:
-        """Let the model's velocity turn with the pose's frame, of which this is the yaw [rad]."""
+        """Let the model's velocity turn with the pose's frame, which has this yaw [rad]."""
         turned, self._frame_yaw = math.remainder(yaw - self._frame_yaw, math.tau), yaw
         if turned != 0.0 and self._axle is None:
-            cos, sin = math.cos(turned), math.sin(turned)
-            turn = np.array([[cos, -sin], [sin, cos]])
+            turn = _rotation(turned)
             self.velocity, self._input = turn @ self.velocity, turn @ self._input
 
     def measured(self, place: Array, motion: Array) -> Array:
@@ -89,15 +87,10 @@ class Follower:
         )
 
     def now(self, velocity: Array, yaw: float, present: float) -> Array:
-        """Return (2,) the model's velocity now, in the world [m/s].
+        """Return (2,) the model's velocity at a present [s], in the world [m/s].
 
-        It is what the last input has made of it. After a pause of more than τ + δ nothing that was
-        told before is under way, and the model begins with the measured velocity.
-
-        Args:
-            velocity: (2,) measured, in the world [m/s].
-            yaw: the robot's heading [rad].
-            present: the time [s].
+        It follows from the last input. After a pause of more than τ + δ no earlier command is under
+        way, and the model begins with the measured velocity (2,).
         """
         axes = self._axes(yaw)
         passed = present - self._moved
@@ -107,8 +100,8 @@ class Follower:
             now = self.velocity + min(max(passed, 0.0), self._period) * self._input
         return now @ axes.T
 
-    def asked(self, wanted: Array, yaw: float, now: Array) -> Array:
-        """Return u* (2,) that gives the model a wanted velocity, or as near as U comes [m/s²].
+    def nominal(self, wanted: Array, yaw: float, now: Array) -> Array:
+        """Return u* (2,) that brings the model's velocity (2,) to a command's, within U [m/s²].
 
         Args:
             wanted: a command [m/s, rad/s].
@@ -116,16 +109,16 @@ class Follower:
             now: (2,) the model's velocity in the world [m/s].
         """
         wanted = np.clip(wanted, -self.limits, self.limits)
-        told = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
+        own = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
         heading = yaw if math.isfinite(yaw) else 0.0
-        cos, sin = math.cos(heading), math.sin(heading)
         if self._axle is not None:
-            told[0] = min(max(told[0], -self.fastest), self.fastest)
+            own[0] = min(max(own[0], -self.fastest), self.fastest)
             axes = self._axes(heading)
-            change = (told - now @ axes) / self._period
-            most = np.array([self._axle.braking, drives.across(self._axle)])
+            change = (own - now @ axes) / self._period
+            most = np.array([self._axle.braking, self._axle.across])
             return axes @ np.clip(change, -most, most)
-        velocity = np.array([cos * told[0] - sin * told[1], sin * told[0] + cos * told[1]])
+        cos, sin = math.cos(heading), math.sin(heading)
+        velocity = np.array([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]])
         velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
         missing = (velocity - now) / self._period
         size = float(np.hypot(*missing))
@@ -137,10 +130,10 @@ class Follower:
         self.velocity, self._input, self._moved = velocity @ axes, u @ axes, present
 
     def command(self, wanted: Array, yaw: float, rate: float) -> Array:
-        """Return what to tell the robot after the chosen input, in its axes [m/s, rad/s].
+        """Return the command of the chosen input, in the robot's axes [m/s, rad/s].
 
         Args:
-            wanted: the command that was asked for.
+            wanted: the nominal command.
             yaw: the robot's heading [rad].
             rate: at which it turns [rad/s].
         """
@@ -151,16 +144,13 @@ class Follower:
         return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
 
     def stop(self) -> Array:
-        """Return what to tell the robot where nothing is known: zero."""
+        """Return the command where the state is unknown: zero."""
         self._adapter.rest()
         return np.zeros(len(self.limits))
 
     def _axes(self, yaw: float) -> Array:
         """Return (2, 2) in columns the axes in which the model retains its velocity."""
-        if self._axle is None or not math.isfinite(yaw):
-            return np.eye(2)
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        return np.array([[cos, -sin], [sin, cos]])
+        return np.eye(2) if self._axle is None or not math.isfinite(yaw) else _rotation(yaw)
 
     def _capped(self, velocity: Array) -> Array:
         """Return a measured velocity, shortened to what the cap allows: the model begins there."""
@@ -170,3 +160,8 @@ class Follower:
             return np.clip(velocity, -sides, sides)
         speed = float(np.hypot(*velocity))
         return velocity * min(1.0, self.begins_at / speed) if speed > 0.0 else velocity
+
+
+def _rotation(yaw: float) -> Array:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin], [sin, cos]])

@@ -1,4 +1,4 @@
-"""A robot's odometry: the newest of it, brought to the present, and compared with what was told."""
+"""A robot's odometry: the newest sample, brought to the present, and compared with commands."""
 
 import math
 
@@ -9,63 +9,56 @@ from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.models.clocks import AHEAD, ROUNDING
 from hcbf_gym.models.plant import Reason
 from hcbf_robots.online.follower import Follower
-from hcbf_robots.online.motion_monitor import MotionMonitor
 from hcbf_robots.online.robot import Robot
 from hcbf_robots.online.sample import Sample, moved
-from hcbf_robots.walkers.response_monitor import ResponseMonitor
+from hcbf_robots.walkers.motion_monitor import MotionMonitor
 
-CARRIED_FOR = 5.0
-"""A twist tells as much of older data as what the robot was told since [s]."""
+PROPAGATED_FOR = 5.0
+"""Older data are propagated by their twist: earlier commands say no more [s]."""
 
 
 class Odometry:
-    """What a robot measures, and what that says of it.
+    """A robot's measurements, and its last command.
 
     Args:
-        robot: what it is told, and how it follows.
+        robot: its commands and response.
         follower: the point that follows.
         strays: the greatest acceleration of that point [m/s²].
         period: for which a command is good [s].
 
     Attributes:
         fault: the alarm that was raised, until `forget`.
-        told: the command that the robot has.
+        command: that the robot has.
     """
 
     def __init__(self, robot: Robot, follower: Follower, strays: float, period: float):
         self._follower, self._strays, self._period = follower, strays, period
-        self._response = ResponseMonitor(robot.command, robot.response)
-        self._motion = MotionMonitor(period, strays)
+        self._monitor = MotionMonitor(robot.command, robot.response, 1.0, period, strays)
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing."""
-        self.told: Array = np.zeros(len(self._follower.limits))
+        """Begin without any sample."""
+        self.command: Array = np.zeros(len(self._follower.limits))
         self.fault = Reason.NONE
         self._newest, self._stamp = Sample(), -math.inf
-        self._missed_by = 0.0  # what position may be off by its age, at most so far [m]
+        self._missed_by = 0.0  # position error by its age, at most so far [m]
         self.compare_anew()
 
     def compare_anew(self) -> None:
         """Forget what was compared: time has gone back."""
-        self._response.forget()
-        self._motion.forget()
+        self._monitor.reset()
 
     def go_on_from(self, other: "Odometry") -> None:
-        """Take over what is known; the other is not to be used on."""
-        self.told, self.fault = other.told, other.fault
+        """Take the state of another; the other is not to be used on."""
+        self.command, self.fault = other.command, other.fault
         self._newest, self._stamp = other._newest, other._stamp
         self._missed_by = other._missed_by
-        self._response, self._motion = other._response, other._motion
+        self._monitor = other._monitor
 
     def newest(self, given: Sample, now: float) -> Sample:
-        """Return the newest data that were not from the future: what was given, or what was kept.
+        """Return the newest sample that is not of the future: the given one, or an earlier one.
 
-        What is ahead by no more than `clocks.AHEAD` is of now.
-
-        Args:
-            given: with this call.
-            now: the present [s].
+        One that is ahead by no more than `clocks.AHEAD` is of now [s].
         """
         latest = now + AHEAD + ROUNDING
         if not given.is_sound or not given.stamp <= latest:
@@ -77,29 +70,25 @@ class Odometry:
         return self._newest
 
     def watch(self, sample: Sample) -> None:
-        """Raise an alarm where what was measured is not what the robot was told.
-
-        Args:
-            sample: in a frame in which the pose goes on smoothly.
-        """
+        """Raise an alarm where motion is not as predicted, in a frame of smooth poses."""
         measured = self._follower.measured(sample.place, sample.motion)
-        drifts = self._motion.observe(measured, sample.stamp)
-        at = np.array([*self._motion.place, sample.place[2]])
-        strays = self._response.observe(at, measured[2:], sample.stamp, self._motion.noise)
-        if self.fault == Reason.NONE and (strays or drifts):
-            self.fault = Reason.RESPONSE if strays else Reason.MOTION
+        pose = np.array([measured[0], measured[1], sample.place[2]])
+        reason = self._monitor.observe(pose, measured[2:], sample.stamp)
+        self.fault = self.fault or reason
 
-    def tell(self, told: Array, now: float) -> None:
-        """Note what the robot is told from now on [s], where the clocks say when that is."""
-        self.told = told
+    def note_command(self, command: Array, now: float) -> None:
+        """Note the robot's command from now on [s], where the clocks give that time."""
+        self.command = command
         if math.isfinite(now):
-            self._response.tell(told, now, now + self._period)
+            self._monitor.command(command, now, now + self._period)
 
-    def carried(self, place: Array, motion: Array, since: float, now: float) -> tuple[Array, Array]:
-        """Return pose and twist now of a robot that was measured before; note what they may miss.
+    def propagated(
+        self, place: Array, motion: Array, since: float, now: float
+    ) -> tuple[Array, Array]:
+        """Return pose and twist now of an older sample; note by how much they may be off.
 
-        Its twist says it, up to what the robot accelerates meanwhile; of a robot that was measured
-        what it was told since says more.
+        The twist propagates it, up to the acceleration meanwhile. Of a robot with a measured
+        response the commands since then are more exact.
 
         Args:
             place: (3,) pose then [m, rad].
@@ -109,21 +98,20 @@ class Odometry:
         """
         straight = moved(place, motion, now - since)
         missed_by = 0.5 * self._strays * (now - since) ** 2
-        if not self._response.is_measured or now - since > CARRIED_FOR:
+        if not self._monitor.is_measured or now - since > PROPAGATED_FOR:
             self._missed_by = max(self._missed_by, missed_by)
             return straight, motion
         place, motion = place.copy(), motion.copy()
-        off = self._response.carry(place, motion, since, now)
+        off = self._monitor.propagate(place, motion, since, now)
         measured = self._follower.measured
         apart = (measured(place, motion) - measured(straight, motion))[:2]
         self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
         return place, motion
 
     def covariance(self, confidence: float) -> Array | None:
-        """Return (4, 4) by which rows reserve what position may be off by its age; None is 0.
+        """Return (4, 4) by which rows reserve the position error by age; None is 0.
 
-        Args:
-            confidence: standard deviations that are reserved.
+        So many standard deviations are reserved as `confidence` is.
         """
         if self._missed_by == 0.0:
             return None

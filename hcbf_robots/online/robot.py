@@ -1,4 +1,4 @@
-"""What the filter of a loop of the user's own must know of a robot."""
+"""The robot of a loop of the user's own, as the filter must know it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,17 +14,17 @@ from hcbf_robots.walkers.walker_response import Response
 
 @dataclass(frozen=True)
 class Robot:
-    """What the filter must know of a robot without a contract.
+    """A robot without a contract.
 
     Args:
-        command: what it may be told.
-        response: how it follows; None assumes a slow robot that sways, see
+        command: the velocities that it may be commanded.
+        response: how it follows; None assumes a slow robot that oscillates, see
             `walker_response.assumed`.
         reach: radius of the circle around its centre, or a cart's axle, that holds it [m]; with 0,
             and no footprint, the robot is a point.
-        footprint: its outline, as Nav2 writes it, see `robots.footprint.corners`: `reach` becomes
+        footprint: its outline, as Nav2 writes it, see `robots.footprint.reach`: `reach` becomes
             no less than holds it.
-        known_as: what certificates call it; "" for a robot of which there is none.
+        known_as: its name in certificates; "" for none.
     """
 
     command: Command
@@ -49,10 +49,10 @@ class Robot:
 
 
 def known_of(robot: object) -> Robot:
-    """Return what is known of a robot, however it is given.
+    """Return the `Robot` of a contract's path or name, a `Walker` or a `Robot`.
 
     Raises:
-        InvalidInputError: if it is no robot.
+        InvalidInputError: if it is none of them.
     """
     if isinstance(robot, Robot):
         return robot
@@ -70,15 +70,10 @@ def known_of(robot: object) -> Robot:
 
 
 def cap_of(v_max: object, reserved: float, known: Robot) -> float:
-    """Return a strict cap on the speed [m/s].
-
-    Args:
-        v_max: as the user gave it [m/s].
-        reserved: what its row reserves for the overshoot [m/s].
-        known: the robot.
+    """Return a strict cap `v_max` on the speed [m/s]; its row reserves `reserved` [m/s].
 
     Raises:
-        InvalidInputError: if it leaves no speed, or is more than the robot may be told.
+        InvalidInputError: if it leaves no speed, or is above the greatest command.
     """
     least, most = 2.0 * reserved, known.command.fastest
     cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
@@ -88,7 +83,7 @@ def cap_of(v_max: object, reserved: float, known: Robot) -> float:
     remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
     raise InvalidInputError(
         f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
-        f"the overshoot of a robot{'' if measured else ' that nobody has measured'}, and at most "
+        f"the overshoot of {'a' if measured else 'an unmeasured'} robot, and at most "
         f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
-        f"speed, or tell it no more: Command(forward={min(cap, most):g}, …){remedy}"
+        f"speed, or command no more: Command(forward={min(cap, most):g}, …){remedy}"
     )

@@ -11,17 +11,11 @@ from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
 
 class Sample(NamedTuple):
-    """What was measured at once.
+    """What was measured at once."""
 
-    Attributes:
-        stamp: when [s].
-        place: (3,) x, y and θ of the robot's centre [m, rad].
-        motion: (3,) v_x, v_y and ω in its own axes [m/s, rad/s].
-    """
-
-    stamp: float = -math.inf
-    place: Array = np.full(3, np.nan)
-    motion: Array = np.full(3, np.nan)
+    stamp: float = -math.inf  # [s]
+    place: Array = np.full(3, np.nan)  # (3,) x, y and θ of the robot's centre [m, rad]
+    motion: Array = np.full(3, np.nan)  # (3,) v_x, v_y and ω in its own axes [m/s, rad/s]
 
     @property
     def is_sound(self) -> bool:
@@ -38,29 +32,24 @@ def moved(place: Array, motion: Array, seconds: float) -> Array:
 
 
 def placed(frame: Array, pose: Array) -> Array:
-    """Return (3,) a pose of a frame (x, y, θ) in that frame's own parent [m, rad]."""
+    """Return (3,) a pose of a frame (x, y, θ) in the frame's parent [m, rad]."""
     cos, sin = math.cos(frame[2]), math.sin(frame[2])
     x, y, yaw = pose
     return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])
 
 
 def frame_of(frame: object) -> Array:
-    """Return (3,) a frame in its parent [m, rad]: itself for None, NaN for what is none."""
+    """Return (3,) a frame in its parent [m, rad]: the parent for None, NaN for an invalid one."""
     return np.zeros(3) if frame is None else _numbers(frame, ON_EARTH)
 
 
 def sample_of(pose: object, twist: object, time: object) -> Sample:
-    """Return the sample of a message; NaN stands for what is none."""
+    """Return the sample of a message; NaN for invalid parts."""
     return Sample(number(time), _numbers(pose, ON_EARTH), _numbers(twist, FARTHEST))
 
 
 def _numbers(values: object, farthest: float) -> Array:
-    """Return (3,) numbers of a message; NaN where they are none, or beyond all that is possible.
-
-    Args:
-        values: of the message.
-        farthest: what the first two may be at most [m].
-    """
+    """Return (3,) numbers of a message; NaN where they are invalid, or two beyond `farthest`."""
     given = None if values is None else real_numbers(values, (3,))
     if given is None or np.abs(given[:2]).max() > farthest or abs(given[2]) > FARTHEST:
         return np.full(3, np.nan)
@@ -68,6 +57,6 @@ def _numbers(values: object, farthest: float) -> Array:
 
 
 def number(value: object) -> float:
-    """Return a number of a message; NaN where it is none."""
+    """Return a number of a message; NaN where it is invalid."""
     given = real_numbers(value, ())
     return math.nan if given is None else float(given)

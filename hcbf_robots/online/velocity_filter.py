@@ -4,7 +4,7 @@ import math
 import operator
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,44 +59,28 @@ HARDEST = 5.0
 """Of each component of U before the robot's own braking is known [m/s²], as in the paper."""
 
 LATE = 1.1
-"""Periods after the last sample from which on one is missing, and the robot was told zero."""
+"""Periods after the last sample from which on one is missing, and the command was zero."""
 LEAP = 1.0
 """A stamp that is so far ahead may be wrong: the next one may go back behind it [s]."""
 USUAL = 1.5
 """Of the greatest speed, up to which the filter's own α₁ is used [m/s]."""
 UNKNOWN = np.full(3, np.nan)
-"""A frame that nobody knows."""
+"""A frame that is not given."""
 LED_FOR = 0.5
-"""Guidance looks at barriers that are handed over no sooner after it has looked at others [s]."""
-
-
-class _Seen(NamedTuple):
-    """What is known of the robot at one present.
-
-    Attributes:
-        estimate: of it.
-        heading: of its body [rad].
-        turning: its rate [rad/s].
-        is_believed: whether all is finite, and young enough.
-    """
-
-    estimate: Estimate
-    heading: float
-    turning: float
-    is_believed: bool
+"""Guidance looks at new barriers no sooner after it has looked at others [s]."""
 
 
 class VelocityFilter:
     """Filters every velocity command of a robot through one of the programs.
 
-    In every period the user hands over what the robot shall do, where it is and how it moves, and
-    tells the robot what comes back. What is old or not finite is not believed: the command is zero
-    then, at once, until there are good data again. With `now`, data that are repeated or come out
-    of their order are as good as their age: the newest go on by what the robot was told since, by
-    their twist where its response was not measured, and rows reserve what that may miss.
+    In every period the user passes the nominal command, pose and twist, and sends the result to the
+    robot. Data that are old or not finite are not accepted: the command is zero at once, until
+    there are valid data again. With `now`, data may be repeated or come out of their order: the
+    newest are propagated to it by the commands since then, or by their twist where the robot's
+    response was not measured, and rows reserve the error of that.
 
-    One thread at a time may call a filter: where odometry and commands come in threads of their
-    own, keep the newest odometry and call `step` in the thread of the commands, or under a lock.
+    One thread at a time may call a filter: where odometry and commands come in several threads,
+    store the newest odometry and call `step` in the thread of the commands, or under a lock.
 
     Args:
         robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
@@ -110,25 +94,25 @@ class VelocityFilter:
             is good for that long.
         goal: (2,) where guidance leads [m]; None without guidance.
         guidance: as `wrappers.SafetyFilter` takes it.
-        v_max: strict cap on the speed [m/s]; None for none but what the robot may be told. Its row
-            reserves m for an overshoot and one input of `period` T besides, so that the robot is
-            told ``√(v_max² − 2 v_max m − (T u_max)²)`` at most: `fastest` says how much that is.
+        v_max: strict cap on the speed [m/s]; None for none but the greatest command. Its row
+            reserves m for an overshoot and one input of `period` T besides, so that commands are at
+            most ``√(v_max² − 2 v_max m − (T u_max)²)``, which is `fastest`.
         radius: of the circle around the robot's centre, or a cart's axle, that holds it [m]; None
             takes the robot's reach, which that of legs counts by their stride.
         max_age: the greatest age of data that are accepted [s]; a stamp may be 0.1 s ahead.
-        on_alarm: what an alarm leads to, "warn" or "brake": the robot does not do what it is told,
+        on_alarm: what an alarm leads to, "warn" or "brake": the robot does not follow its commands,
             or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
         margin: as `wrappers.SafetyFilter` takes it.
         certificate: rows reserve its margins, as `wrappers.SafetyFilter` takes it; `covered` stays
-            0, as nothing here says where the robot drives.
+            0, as it is unknown here where the robot drives.
         **options: as `wrappers.SafetyFilter` takes them.
 
     Attributes:
         robot: the `Robot`, also of a contract.
 
     Raises:
-        InvalidInputError: if an option is unknown or out of range, the barriers are none, no speed
-            is left, or one period at full input passes the speed limit.
+        InvalidInputError: if an option is unknown or out of range, the barriers are invalid, no
+            speed is left, or one period at full input passes the speed limit.
         UnknownNameError: if a name is not known; the message lists the choices.
 
     Examples:
@@ -168,8 +152,8 @@ class VelocityFilter:
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._clock = BarrierClock()
         self._barriers: object = None
-        self._looked_at: object = None  # as they were when guidance was told to look
-        self._looks = True  # whether guidance takes up barriers that are handed over
+        self._looked_at: object = None  # the barriers at the last `set_barriers`
+        self._looks = True  # whether guidance takes up new barriers
         self._unseen = True  # whether guidance has not looked at the barriers
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         reach = known.reach if radius is None else radius
@@ -219,10 +203,9 @@ class VelocityFilter:
 
         Args:
             barriers: as the class takes them.
-            seen_at: when all that moves was where it is put, on the robot's clock [s]: it has moved
-                on since. A stamp that is more than 0.1 s ahead of a step or a minute behind it is
-                not accepted: the command is zero. None is the next step for new objects; those
-                that were set before move on.
+            seen_at: when moving objects were where they are put, on the robot's clock [s]. A stamp
+                that is more than 0.1 s ahead of a step or a minute behind it is not accepted: the
+                command is zero. None is the next step for new objects; others continue.
             look: whether guidance takes them up in the next step, which may last longer then; False
                 lets it lead as before.
 
@@ -238,14 +221,11 @@ class VelocityFilter:
         self._warn_of_sight(listed)
 
     def check(self, barriers: Sequence[Element]) -> None:
-        """Refuse barriers that a step would only brake for, before they are handed over.
-
-        Args:
-            barriers: as the class takes them.
+        """Refuse barriers, before they are set, for which a step would only brake.
 
         Raises:
-            InvalidInputError: if they are none, or a speed zone's limit is lower than what its row
-                reserves and one input brings.
+            InvalidInputError: if they are invalid, or a speed zone's limit is lower than what its
+                row reserves and one input brings.
         """
         self._core.scenes.check_limits(BarrierSet([self._listed(barriers)]))
 
@@ -255,11 +235,9 @@ class VelocityFilter:
         return self._core.conditions
 
     def conflict(self) -> ConflictReport | None:
-        """Return which conditions no velocity met together at the last step, and who pays.
+        """Return which `conditions` no velocity met together at the last step, and who pays.
 
-        Returns:
-            `rows` are indices of `conditions`; None where there was no conflict, or the state was
-            not accepted.
+        None where there was no conflict, or the state was not accepted.
         """
         return self._core.conflict()
 
@@ -289,7 +267,7 @@ class VelocityFilter:
 
     @property
     def v_max(self) -> float | None:
-        """Strict cap on the speed [m/s]; None for none but what the robot may be told."""
+        """Strict cap on the speed [m/s]; None for none but the greatest command."""
         return self._limit[0].v_max if self._limit else None
 
     @v_max.setter
@@ -305,7 +283,7 @@ class VelocityFilter:
             raise InvalidInputError(
                 f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
                 f"above {gained:.3g} m/s, which an input reaches within one period: sample faster, "
-                f"or leave v_max out and tell it no more: Command(forward={cap:g}, …)"
+                f"or leave v_max out and command no more: Command(forward={cap:g}, …)"
             )
         warn_of_standing(cap, self._reserved, self._response)
         self._limit = (SpeedLimit("speed limit", 1, cap),)
@@ -314,7 +292,7 @@ class VelocityFilter:
 
     @property
     def fastest(self) -> float:
-        """The greatest speed that the robot is told [m/s]."""
+        """The greatest commanded speed [m/s]."""
         return self._follower.fastest
 
     @property
@@ -347,14 +325,14 @@ class VelocityFilter:
         self._core, self._settings, self._begun = core, settings, False
 
     def _core_of(self, settings: FilterSettings) -> FilterCore:
-        """Return the core; what is measured is compared here, at its own time."""
+        """Return the core; measurements are compared here, at their own times."""
         core = FilterCore(self._plant, self._input_set, settings)
         core.leave_monitor()
         core.guide.follows = self._looks
         return core
 
     def reset(self) -> None:
-        """Forget the past: the robot stands anywhere, and time begins anew."""
+        """Forget the past: the robot is at rest anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
         self._clock.forget()
         self._led_from = -math.inf  # when guidance looked at barriers last [s]
@@ -367,13 +345,10 @@ class VelocityFilter:
         self._last = self._leapt_from = math.nan  # presents [s]
 
     def go_on_from(self, other: "VelocityFilter") -> None:
-        """Go on from what another filter told the same robot, and from what that one knows of it.
+        """Take the place and the state of another filter of the same robot.
 
-        So a filter that was made beside a loop, and has looked at goal and barriers in a step of
-        its own, takes the other's place.
-
-        Args:
-            other: the filter that told the robot what it does; it is not to be used on.
+        So a filter can be made beside a loop, and look at goal and barriers in a first step there.
+        The other is not to be used on.
         """
         instance("other", other, VelocityFilter)
         self._follower.go_on_from(other._follower)
@@ -393,23 +368,23 @@ class VelocityFilter:
         now: float | None = None,
         frame: ArrayLike | None = None,
     ) -> tuple[Array, Info]:
-        """Return what to tell the robot, and the report of it.
+        """Return the filtered command, and its report.
 
         Args:
-            command: what it shall do, in its own axes: (v_x, v_y, ω), or (v, ω) of a differential
-                drive [m/s, rad/s].
-            pose: (x, y, θ) of its centre in `frame` [m, rad]; None where there is none. It goes on
-                smoothly, as odometry does: what was told is compared with it.
-            twist: (v_x, v_y, ω) of its centre, in its own axes [m/s, rad/s]; None where there is
-                none.
+            command: the nominal one, in the robot's axes: (v_x, v_y, ω), or (v, ω) of a
+                differential drive [m/s, rad/s].
+            pose: (x, y, θ) of its centre in `frame` [m, rad]; None where there is none. It is
+                smooth, as odometry is: commands are compared with it.
+            twist: (v_x, v_y, ω) of its centre, in the robot's axes [m/s, rad/s]; None where there
+                is none.
             time: at which pose and twist were measured [s].
             now: the present on the same clock, from which their age counts [s]; None is `time`.
             frame: (x, y, θ) of the pose's frame in the barriers' [m, rad], as tf has ``map`` →
                 ``odom``; it may jump where a localization corrects it. None where they are one;
-                where one was given since the reset, None is not known, and the robot stands.
+                where one was given since the reset, None is unknown: the command is zero.
 
         Returns:
-            The command in the robot's axes, of 32 or 64 bits as it came, and a dict as
+            The command in the robot's axes, in the given precision (32 or 64 bits), and a dict as
             ``info["safety_filter"]`` has it, with `valid_until` besides: the time from which on the
             command is zero unless there is another.
 
@@ -428,27 +403,28 @@ class VelocityFilter:
         self._is_framed = self._is_framed or frame is not None
         correction = frame_of(frame) if frame is not None or not self._is_framed else UNKNOWN
         is_new = sample.place is given.place
-        seen = self._look(sample, correction, present, age, is_new=is_new)
-        barriers = self._taken(self._scene(), seen, present)
-        estimate = seen.estimate
+        estimate, heading, turning, is_valid = self._look(
+            sample, correction, present, age, is_new=is_new
+        )
+        barriers = self._taken(self._scene(), estimate, present, is_valid=is_valid)
         if self._time is not None and present > self._time:
             estimate = estimate._replace(elapsed=present - self._time)
-        heading, velocity = seen.heading, estimate.x[2:]
-        asked = follower.asked(wanted, heading, velocity)
-        u, report = self._core.step(asked, barriers, estimate, self._clock.since_seen)
+        velocity = estimate.x[2:]
+        nominal = follower.nominal(wanted, heading, velocity)
+        u, report = self._core.step(nominal, barriers, estimate, self._clock.since_seen)
         self._filtered = barriers
         if report["status"] == FilterStatus.BACKUP:
-            self._time, told = None, follower.stop()
+            self._time, out = None, follower.stop()
         else:
             self._time = present
             follower.follow(velocity, u, heading, present)
-            told = follower.command(wanted, heading, seen.turning)
-        told = told.astype(given_as).astype(np.float64)  # what the robot gets
-        self._odometry.tell(told, present)
+            out = follower.command(wanted, heading, turning)
+        out = out.astype(given_as).astype(np.float64)  # what the robot gets
+        self._odometry.note_command(out, present)
         self._good_from = present
         self._good_until = present + self._period if math.isfinite(present) else -math.inf
         report["valid_until"] = np.float64(self._good_until)
-        return told.astype(given_as), report
+        return out.astype(given_as), report
 
     def _go_on(self, present: float) -> None:
         """Let the clocks go on to the present [s], and note where samples are missing."""
@@ -460,15 +436,10 @@ class VelocityFilter:
 
     def _look(
         self, sample: Sample, correction: Array, present: float, age: float, *, is_new: bool
-    ) -> "_Seen":
-        """Return what is known of the robot at present.
+    ) -> tuple[Estimate, float, float, bool]:
+        """Return the robot at present [s], its heading, its turning rate, and whether it is valid.
 
-        Args:
-            sample: the newest of the odometry.
-            correction: (3,) of its frame in the barriers' [m, rad].
-            present: [s].
-            age: of the sample [s].
-            is_new: whether it has just come.
+        A sample of an age [s] and its frame (3,) give them.
         """
         follower, odometry = self._follower, self._odometry
         motion = sample.motion
@@ -480,7 +451,7 @@ class VelocityFilter:
             follower.turn(correction[2])
         stale = not clocks.is_accepted(age, self._max_age)
         if sound and not stale and age > 0.0:
-            place, motion = odometry.carried(place, motion, sample.stamp, present)
+            place, motion = odometry.propagated(place, motion, sample.stamp, present)
         body = follower.measured(place, motion)
         velocity = follower.now(body[2:], place[2], present) if sound else follower.velocity
         x = np.array([body[0], body[1], *velocity])
@@ -495,43 +466,32 @@ class VelocityFilter:
             age=age,
             fault=odometry.fault or None,
         )
-        return _Seen(estimate, float(place[2]), float(motion[2]), sound and not stale)
+        return estimate, float(place[2]), float(motion[2]), sound and not stale
 
-    def _taken(self, barriers: object, seen: "_Seen", present: float) -> object:
+    def _taken(
+        self, barriers: object, estimate: Estimate, present: float, *, is_valid: bool
+    ) -> object:
         """Let the core look at barriers where it must; None where no filter can begin with them."""
-        if not self._begun and seen.is_believed:
+        begins = not self._begun and is_valid
+        leads = self._unseen and self._clock.is_sound and self._core.guides
+        if begins:
             self._core.cover(Coverage.OUTSIDE)
-            try:
-                self._begin(barriers, seen.estimate, present)
-                self._begun = True
-            except InvalidInputError as error:
-                warn_caller(f"velocity filter: {error}", SafetyWarning)
-                return None
-        elif (
-            self._unseen
-            and self._clock.is_sound
-            and self._core.guides
-            and present - self._led_from >= LED_FOR
-        ):
+        elif leads and present - self._led_from >= LED_FOR:
             self._core.look_again()
-            try:
-                self._begin(barriers, seen.estimate, present)
-            except InvalidInputError as error:
-                warn_caller(f"velocity filter: {error}; guidance leads as before", SafetyWarning)
+        else:
+            return barriers
+        self._led_from, self._unseen = present, False
+        try:
+            self._core.begin(barriers, estimate, self._goal, None, self._clock.since_seen)
+            self._begun = self._begun or begins
+        except InvalidInputError as error:
+            as_before = "" if begins else "; guidance leads as before"
+            warn_caller(f"velocity filter: {error}{as_before}", SafetyWarning)
+            return None if begins else barriers
         return barriers
 
-    def _begin(self, barriers: object, estimate: Estimate, present: float) -> None:
-        """Let the core look at barriers and goal.
-
-        Raises:
-            InvalidInputError: if no filter can begin with them.
-        """
-        self._led_from, self._unseen = present, False
-        seen_at = self._clock.since_seen
-        self._core.begin(barriers, estimate, self._goal, None, seen_at)
-
     def _look_back(self, present: float) -> None:
-        """Begin anew where the last present was far ahead, and time goes on before it."""
+        """Begin anew where the last present was far ahead, and time continues before it."""
         leapt = self._leapt_from < present <= self._last
         if math.isinf(self._leapt_from):
             leapt = self._last - present > LEAP
@@ -547,16 +507,16 @@ class VelocityFilter:
             self._last = present
 
     def command_at(self, now: float) -> Array:
-        """Return what the robot is to be told now [s]: the last command while it is good, or zero.
+        """Return the command now [s]: the last one while it is good, else zero.
 
-        For a loop that talks to the robot more often than data come. Before the last sample's time,
+        It serves loops that send commands more often than data come. Before the last sample's time,
         where a clock has gone back, it is zero, too.
         """
         good = self._good_from - ROUNDING <= number(now) <= self._good_until
-        return self._odometry.told.copy() if good else np.zeros(len(self._follower.limits))
+        return self._odometry.command.copy() if good else np.zeros(len(self._follower.limits))
 
     def _miss(self) -> None:
-        """Note that samples are missing: what the robot did meanwhile is not known."""
+        """Note that samples are missing: the robot's motion meanwhile is unknown."""
         last = None if self._time is None else self._clock.since(self._time)
         old = Estimate(np.zeros(4), last, heading=0.0, age=math.inf)
         self._core.step(np.zeros(2), self._filtered, old, self._clock.since_seen)
@@ -564,9 +524,9 @@ class VelocityFilter:
         self._time = None
 
     def _scene(self) -> object:
-        """Return the user's barriers with the speed limit; what is no list goes to the core.
+        """Return the user's barriers with the speed limit, or what the core refuses.
 
-        None, which the core does not believe, stands for barriers of no time.
+        That is None for barriers of no valid time.
         """
         if not self._clock.is_sound:
             return None
@@ -576,11 +536,7 @@ class VelocityFilter:
             return None if isinstance(self.barriers, BarrierSet) else self.barriers
 
     def _listed(self, barriers: object) -> tuple[Element, ...]:
-        """Return barriers with the speed limit.
-
-        Raises:
-            InvalidInputError: if they are no sequence.
-        """
+        """Return barriers with the speed limit; refuse those that are no sequence."""
         if not is_list(barriers):
             raise InvalidInputError(
                 f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
@@ -589,13 +545,10 @@ class VelocityFilter:
 
 
 def _alpha_of(fastest: float) -> LogClassK:
-    """Return α₁ for a robot: the filter's own, but for one that is faster than `USUAL`.
+    """Return α₁ for a robot of a greatest speed [m/s]: the filter's own up to `USUAL`.
 
     With φ₁ as it is, α₁⁻¹ grows by the exponential of the speed, and with it how far the robot must
     see. The slope at 0 stays.
-
-    Args:
-        fastest: the greatest speed that the robot is told [m/s].
     """
     usual = LogClassK()
     grown = max(1.0, fastest / USUAL)
@@ -610,5 +563,5 @@ def _same(one: object, other: object) -> bool:
 
 
 def _nothing(*_: object) -> tuple[()]:
-    """Stand for readers that this filter does not use: it hands everything over itself."""
+    """Return nothing: a reader of the plant that this filter does not use."""
     return ()

@@ -1,6 +1,6 @@
 """Filter a robot's velocities in ROS 2, in the place of Nav2's collision monitor.
 
-What stands behind --ros-args is ROS's own, such as -r, -p and --params-file.
+Arguments behind --ros-args are ROS's own, such as -r, -p and --params-file.
 """
 
 import importlib.util
@@ -33,7 +33,7 @@ def require_rclpy(what: str) -> None:
     """Refuse to begin without rclpy.
 
     Raises:
-        MissingDependencyError: if it cannot be found; the message names both ways to it.
+        MissingDependencyError: if it cannot be found; the message names a sourced ROS and an extra.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise MissingDependencyError(

@@ -1,7 +1,7 @@
-"""All that the node decides, without ROS: from what was heard and two clocks to a velocity.
+"""All decisions of the node, without ROS: from messages and two clocks to a velocity.
 
-The node calls `hear_…` for messages and `step` when a velocity is wanted, or a period has passed.
-A fault is zero at once, with its reason; when it has gone, the filter goes on by itself.
+The node calls `hear_…` for messages and `step` when a command comes, or a period has passed. A
+fault is zero at once, with its reason; after it the filter continues.
 """
 
 import math
@@ -22,10 +22,10 @@ from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.online import VelocityFilter
 from hcbf_robots.ros import filters, sources
 from hcbf_robots.ros.decisions import Action, Decision, Level
-from hcbf_robots.ros.filters import Led
 from hcbf_robots.ros.localization import Localization
-from hcbf_robots.ros.parameters import Settings, SourceSettings, by_name
-from hcbf_robots.ros.sources import Beams, Entries, Measured, Source
+from hcbf_robots.ros.observed import Source
+from hcbf_robots.ros.parameters import Settings, by_name
+from hcbf_robots.ros.sources import Beams, Entries
 from hcbf_robots.ros.watches import ClockWatch, Fault, Now, Watch
 
 INSIDE = "the robot is inside"
@@ -34,21 +34,23 @@ ZERO = 1e-9
 
 
 class NodeCore:
-    """Decides what the robot is told.
+    """Decides the robot's velocity.
 
-    `of_scan`, `of_grid`, `planned` and what else prepares may run in another thread than the rest;
-    what they return is handed over by `hear_source` and `take`.
+    `of_scan`, `of_grid` and `planned` prepare, and may run in another thread than the rest; their
+    results go to `hear_source` and `take`. Guidance's field is computed where a filter begins, and
+    that takes time: where the filter has to begin anew, one without guidance runs until another
+    has been `planned`.
 
     Args:
-        settings: the node's parameters.
+        settings: the node's parameters; their `v_max` is the cap that there is now.
 
     Raises:
-        InvalidInputError: if a file cannot be read, or robot, program and speeds do not go
-            together.
+        InvalidInputError: if a file cannot be read, or robot, program and speeds do not fit.
 
     Attributes:
-        sources: name → what is known of it.
+        sources: name → `Source`.
         localization: where the robot is.
+        enabled: whether it filters; else fresh velocities pass.
     """
 
     def __init__(self, settings: Settings):
@@ -58,26 +60,27 @@ class NodeCore:
         self._command = Watch("command", settings.cmd_vel_timeout, tolerance)
         self._clock = ClockWatch(settings.clock_timeout)
         self.localization = Localization(settings)
-        self.sources = sources.of_settings(settings)
-        self._led = Led(settings)
-        self._size = len(self._filter.robot.command.limits)
+        self.sources = {one.name: Source(one, settings) for one in settings.sources}
+        robot = filters.robot_of(settings)
+        self._filter = self._plain = filters.made(robot, settings, [], None)
+        if settings.guidance:  # its errors come before a goal does
+            filters.made(robot, settings, [], (0.5, 0.0))
+        self._lost: Array | None = None  # the goal of a field that is dropped
+        self._plans = False  # whether it has to be computed again
+        self._size = len(robot.command.limits)
         self._wanted = np.zeros(self._size)
         for one in self.sources.values():
-            sources.begin(one, self.fastest, self._filter.check)
+            one.begin(self.fastest, self._filter.check)
         self._alarm: tuple[float, Fault] | None = None  # until when [steady s]
-        self._zero_since: float | None = -math.inf  # silent until a velocity is wanted
+        self._zero_since: float | None = -math.inf  # silent until the first command
         self._last: tuple[float, Decision] | None = None
         self._names: list[str] = []
-        self._frame: Array | None = None  # odometry's in the global one, by which scans lie
+        self._frame: Array | None = None  # odometry's in the global one, which places scans
         self._show()
 
     @property
-    def _filter(self) -> VelocityFilter:
-        return self._led.filter
-
-    @property
     def fastest(self) -> float:
-        """The greatest speed that the robot is told [m/s]."""
+        """The greatest commanded speed [m/s]."""
         return self._filter.fastest
 
     @property
@@ -86,18 +89,14 @@ class NodeCore:
         newest = self.localization.newest
         return np.zeros(3) if newest is None else newest.pose
 
-    # -- what is heard ----------------------------------------------------------------------------
+    # -- messages ---------------------------------------------------------------------------------
 
     def hear_command(
         self, command: ArrayLike, now: Now, stamp: float | None = None, frame: str = ""
     ) -> bool:
-        """Take the velocity wanted, in the robot's axes; return whether it is believed.
+        """Take the nominal velocity (3,) in the robot's axes [m/s, rad/s]; return if it is valid.
 
-        Args:
-            command: (3,) v_x, v_y [m/s] and ω [rad/s].
-            now: the present.
-            stamp: of the message [s]; None where it has none.
-            frame: likewise; "" for the robot's.
+        A message has no stamp (None) where its type has none, and "" as its frame.
         """
         self._clock.see(now)
         if self._zero_since == -math.inf:
@@ -105,8 +104,7 @@ class NodeCore:
         given = real_numbers(command, (3,))
         expected = self.settings.base_frame_id if frame else ""
         if given is None:
-            says = f"got {shown(command)}, expected three finite numbers"
-            return self._command.refuse(says)
+            return self._command.refuse(f"got {shown(command)}, expected three finite numbers")
         if stamp is None:
             self._command.forget()  # without a stamp the newest is the last that came
         heard = self._command.hear(now.ros if stamp is None else stamp, now, frame, expected)
@@ -114,27 +112,14 @@ class NodeCore:
             self._wanted = given[[0, 2]] if self._size == 2 else given
         return heard
 
-    def activate(self) -> None:
-        """Begin to publish: what was wanted, and where guidance led, counts no more."""
-        self._command.forget()
-        if self.goal is not None:
-            self._led.drop_goal(self.settings.v_max)
-            self._show()
-
     def hear_odometry(
-        self,
-        pose: ArrayLike,
-        twist: ArrayLike,
-        stamp: float,
-        now: Now,
-        frame: str = "",
-        child: str = "",
+        self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, *frames: str
     ) -> None:
         """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
-        if self.localization.hear_odometry(pose, twist, stamp, now, frame, child):
+        if self.localization.hear_odometry(pose, twist, stamp, now, *frames):
             for source in self.sources.values():
-                if source.settings.type == "scan":  # where it lies nobody knows any more
+                if source.is_scan:  # its place is unknown now
                     source.watch.forget()
             self._begin_anew()
 
@@ -143,90 +128,65 @@ class NodeCore:
     ) -> bool:
         """Take what a source shows from now on; return whether it differs from before.
 
-        A scan counts only where odometry, as it is now, says where the robot was.
-
-        Args:
-            name: of the source.
-            entries: what its message became; of a scan, in the robot's axes.
-            stamp: of the message [s].
-            now: the present.
-            frame: of the message.
+        A scan, in the robot's axes, counts only where the present odometry reaches back to its
+        stamp [s].
         """
         source = self.sources[name]
-        if source.settings.type == "scan":
-            return self._hear_scan(source, entries, stamp, now, frame)
-        stamp = min(stamp, now.ros)  # what came last counts: stamps may be fixed, or another's
-        if stamp <= source.watch.stamp:
-            source.watch.forget()
-        if not source.watch.hear(stamp, now, frame, self.frame_of(source.settings)):
-            return False
-        before, source.entries = source.entries, entries
-        differs = not sources.are_same(before, entries)
-        if differs:
-            self._show()
-        return differs
-
-    def _hear_scan(
-        self, source: Source, entries: Entries, stamp: float, now: Now, frame: str
-    ) -> bool:
-        """Take a scan (see `hear_source`); return whether it is believed."""
+        if not source.is_scan:
+            differs = source.hear(entries, stamp, now, frame)
+            if differs:
+                self._show()
+            return differs
         newest = self.localization.newest
+        pose = self.localization.at(stamp)
         if newest is not None and not self.settings.base_shift_correction:
             pose = newest.local
-        else:
-            pose = self.localization.at(stamp)
-        expected = self.frame_of(source.settings)
-        if pose is None or not source.watch.hear(stamp, now, frame, expected):
-            return False
-        source.measured = Measured(entries, pose, min(stamp, now.ros))
-        self._frame = None  # it lies nowhere yet
-        if newest is not None:
-            self._place_scans(newest.frame)
-        return True
+        accepted = source.hear_scan(entries, pose, stamp, now, frame)
+        if accepted:
+            self._frame = None  # it is not placed yet
+            if newest is not None:
+                self._place_scans(newest.frame)
+        return accepted
 
-    def refuse_source(self, name: str, says: str) -> None:
+    def refuse_source(self, name: str, message: str) -> None:
         """Note that a source's newest message is faulty."""
-        self.sources[name].watch.refuse(says)
+        self.sources[name].watch.refuse(message)
 
     def change(self, given: Mapping[str, Any]) -> None:
         """Take parameters that may change while the node runs: all of them, or none.
 
-        Args:
-            given: name → value; names that are not the node's are passed over.
-
         Raises:
-            InvalidInputError: if one does not fit, or may not change now.
+            InvalidInputError: if one of the node's does not fit, or may not change now.
         """
-        known = by_name(list(self.sources))
-        values = {name: known[name].live_value(one, name) for name, one in given.items()
-                  if name in known}  # fmt: skip
+        known, values = by_name(list(self.sources)), dict[str, Any]()
+        for name, value in given.items():
+            if name in known and not known[name].live:
+                raise InvalidInputError(
+                    f"parameter {name}: got {shown(value)} while the node is configured, expected "
+                    "it before"
+                )
+            if name in known:
+                values[name] = known[name].read(value, name)
         if "v_max" in values:  # the only one that may still be refused
-            self.set_v_max(values.pop("v_max"))
+            v_max = values.pop("v_max")
+            self._filter.v_max = v_max or None
+            self.settings = replace(self.settings, v_max=v_max)
         self.enabled = values.pop("enabled", self.enabled)
         for name, enabled in values.items():
-            self.enable_source(name.split(".")[0], enabled)
+            source = self.sources[name.split(".")[0]]
+            if enabled != source.enabled:
+                source.enabled = enabled
+                self._plans = self.goal is not None
+                self._show()
 
-    def enable_source(self, name: str, enabled: bool) -> None:
-        """Let a source count, or not."""
-        source = self.sources[name]
-        if enabled != source.enabled:
-            source.enabled = enabled
-            self._led.ask()
+    def activate(self) -> None:
+        """Begin to publish: the command and the goal of before count no more."""
+        self._command.forget()
+        if self.goal is not None:
+            if self._filter.goal is not None:
+                self._switch(self._plain)
+            self._lost, self._plans = None, False
             self._show()
-
-    def frame_of(self, source: SourceSettings) -> str:
-        """Return the frame that a source's messages must have."""
-        usual = self.settings.base_frame_id if source.type == "scan" else ""
-        return source.frame_id or usual or self.settings.global_frame_id
-
-    def set_v_max(self, v_max: float) -> None:
-        """Set the strict cap on the speed [m/s], 0 for none.
-
-        Raises:
-            InvalidInputError: if it leaves no speed.
-        """
-        self._filter.v_max = v_max or None
-        self.settings = replace(self.settings, v_max=v_max)
 
     # -- what is prepared beside ------------------------------------------------------------------
 
@@ -235,99 +195,85 @@ class NodeCore:
     ) -> Entries:
         """Return what a scan shows in the robot's axes at its stamp.
 
-        Each beam counts from where the robot was at the time of that beam.
-
         Args:
             name: of the source.
             beams: the scan.
             mount: (3,) of the sensor on the robot; None takes the parameter.
-            stamp: of the first beam [s]; None for beams of one time.
+            stamp: of the first beam [s]: each counts from the robot's place at its time; None for
+                beams of one time.
 
         Raises:
-            InvalidInputError: if it cannot be accepted, or odometry does not say where the robot
-                was at each beam.
+            InvalidInputError: if it cannot be accepted, or odometry does not reach a beam.
         """
-        settings = self.sources[name].settings
-        x, y, yaw = np.asarray(settings.mount if mount is None else mount).tolist()
+        source = self.sources[name]
+        x, y, yaw = np.asarray(source.settings.mount if mount is None else mount).tolist()
         horizon = self._filter.horizon + math.hypot(x, y)
-        horizon += settings.obstacle_speed * self.sources[name].watch.timeout  # as it becomes older
+        horizon += source.settings.obstacle_speed * source.watch.timeout  # as it becomes older
         sweep = beams.sweep
         path = None if stamp is None or sweep == 0.0 else self.localization.path(stamp, sweep)
-        return sources.of_scan(settings, beams, (x, y, yaw), horizon, path)
+        return sources.of_scan(source.settings, beams, (x, y, yaw), horizon, path)
 
     def of_grid(
         self, name: str, raster: Raster, limits: Mapping[str, object] | None = None
     ) -> Entries:
-        """Return what an occupancy grid shows.
-
-        Args:
-            name: of the source.
-            raster: the grid.
-            limits: what replaces parameters, such as base and multiplier.
+        """Return what an occupancy grid shows; `limits` replace parameters of a mask.
 
         Raises:
-            InvalidInputError: if its values make no classes, or a limit is too low to be kept.
+            InvalidInputError: if its values make no classes, or no input satisfies a limit.
         """
         source = self.sources[name]
         settings = replace(source.settings, **(limits or {}))
-        shown = sources.of_grid(settings, raster, self.fastest, source.entries)
+        made = sources.of_grid(settings, raster, self.fastest, source.entries)
         if settings.type == "speed":
-            self._filter.check(shown)
-        return shown
+            self._filter.check(made)
+        return made
 
     def planned(self, goal: ArrayLike | None) -> VelocityFilter:
-        """Return a filter that leads to a goal, its field computed; hand it over by `take`.
-
-        Args:
-            goal: (2,) [m]; None for a filter that leads nowhere.
+        """Return a filter that leads to a goal (2,) [m], its field computed; pass it to `take`.
 
         Raises:
-            InvalidInputError: if no way leads there.
+            InvalidInputError: if no path leads there.
         """
         made = filters.made(self._filter.robot, self.settings, self._shown, goal)
         if goal is not None:
             newest = self.localization.newest
             if newest is None:
                 raise InvalidInputError("goal: there is no pose yet, expected odometry first")
-            still = np.zeros(self._size)
-            _, report = made.step(
-                still, newest.local, newest.twist, newest.stamp, frame=newest.frame
-            )
+            state = newest.local, newest.twist, newest.stamp
+            _, report = made.step(np.zeros(self._size), *state, frame=newest.frame)
             if report["reason"] == Reason.GOAL:
                 raise InvalidInputError(made.lost)
             if report["reason"] == Reason.BARRIERS:
-                raise InvalidInputError(
-                    f"goal: got {np.asarray(goal).tolist()}, expected barriers that are believed"
-                )
+                at = np.asarray(goal).tolist()
+                raise InvalidInputError(f"goal: got {at}, expected barriers that are accepted")
         return made
-
-    @property
-    def is_localized(self) -> bool:
-        """Whether a pose has come, so that a goal can be `planned`."""
-        return self.localization.newest is not None
 
     def wait(self, goal: ArrayLike) -> None:
         """Let a goal (2,) [m] wait for the first pose; then `goal_to_plan` returns it."""
-        self._led.wait(finite_array("goal", goal, (2,)))
+        self._lost, self._plans = finite_array("goal", goal, (2,)), True
 
     def take(self, planned: VelocityFilter) -> None:
-        """Go on with a filter that was `planned`."""
-        self._led.take(planned, self.settings.v_max)
+        """Continue with a filter that was `planned`, under the cap that there is now."""
+        self._switch(planned)
+        self._lost, self._plans = None, False
         self._show()
 
     @property
     def goal(self) -> Array | None:
         """(2,) where guidance leads, or will again [m]."""
-        return self._led.goal
+        return self._lost if self._filter.goal is None else self._filter.goal
 
     def goal_to_plan(self) -> Array | None:
         """Return the goal that must be `planned` again, once; None where none must."""
-        return None if self._last is None else self._led.goal_to_plan()  # None: a fault
+        if self._last is None:  # a fault
+            return None
+        plans, self._plans = self._plans, False
+        return self.goal if plans else None
 
-    # -- what is decided --------------------------------------------------------------------------
+    # -- decisions --------------------------------------------------------------------------------
 
     def step(self, now: Now) -> Decision:
-        """Decide what the robot is told now."""
+        """Decide the robot's velocity now."""
         self._clock.see(now)
         back = self._clock.went_back()
         if back is not None:
@@ -343,89 +289,90 @@ class NodeCore:
             decision = self._stopped(faults, now) if faults else self._filtered(now)
         except HcbfError as error:  # nothing should raise here, and the node must not end
             faults = [*faults, Fault("filter", str(error))]
-            says, zero = "; ".join(map(str, faults)), np.zeros(self._size)
-            decision = Decision(zero, self._wanted, Level.ERROR, says, Action.STOP, "filter", None)
+            decision = self._zero(faults, "filter")
             self._begin_anew()
         self._last = None if faults else (now.ros, decision)
         return self._silenced(decision, now)
 
     def _faults(self, now: Now) -> list[Fault | None]:
-        """Return what keeps the robot at zero, the gravest first."""
-        found = [self._clock.fault(now), *self.localization.faults(now)]
+        """Return what requires zero, the gravest first."""
         if self._alarm is not None and now.steady >= self._alarm[0]:
             self._alarm = None
-        if self._alarm is not None:
-            found.append(self._alarm[1])
-        found += [one.watch.fault(now) for one in self.sources.values() if one.enabled]
-        found.append(self._command.fault(now))
-        return found
+        return [
+            self._clock.fault(now),
+            *self.localization.faults(now),
+            None if self._alarm is None else self._alarm[1],
+            *(one.watch.fault(now) for one in self.sources.values() if one.enabled),
+            self._command.fault(now),
+        ]
 
     def _filtered(self, now: Now) -> Decision:
-        """Return what the filter says."""
+        """Return the filter's decision."""
         last = self.localization.newest
         if last is None:  # the newest message has jumped
             return self._stopped([Fault("odometry", "nothing received")], now)
         self._place_scans(last.frame)
-        x = np.array([*last.pose[:2], 0.0, 0.0])
-        for source in self.sources.values():
-            stops = source.enabled and source.settings.when_inside == "stop"
-            if stops and sources.inside(source.entries, x, self._filter.robot.reach):
-                return self._stopped([Fault(source.settings.name, INSIDE)], now)
+        for name, source in self.sources.items():
+            if source.stops(last.pose[:2], self._filter.robot.reach):
+                return self._stopped([Fault(name, INSIDE)], now)
         wanted = self._wanted
-        stamp = min(last.stamp, now.ros)  # by no more than the tolerance ahead
-        told, report = self._filter.step(wanted, last.local, last.twist, stamp, now.ros, last.frame)
+        stamp = min(last.stamp, now.ros)  # ahead by no more than the tolerance
+        command, report = self._filter.step(
+            wanted, last.local, last.twist, stamp, now.ros, last.frame
+        )
         status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
         if reason.lasts:
-            fault = Fault("robot", reason.says)
+            fault = Fault("robot", reason.text)
             self._alarm = now.steady + self.settings.alarm_pause, fault
             self._begin_anew()
             return self._stopped([fault], now)
         if status == FilterStatus.BACKUP:
             why = f": {self._filter.lost}" if reason == Reason.GOAL else ""
-            says = f"filter: {reason.says}{why}"
-            return Decision(told, wanted, Level.ERROR, says, Action.STOP, "filter", report)
-        if status <= FilterStatus.SAFE:
-            level = Level.OK
-        else:
-            level = Level.WARN if status == FilterStatus.RELAXED else Level.ERROR
+            message = f"filter: {reason.text}{why}"
+            return Decision(command, wanted, Level.ERROR, message, Action.STOP, "filter", report)
+        levels = {FilterStatus.RELAXED: Level.WARN}
+        level = Level.OK if status <= FilterStatus.SAFE else levels.get(status, Level.ERROR)
         changed = report["intervention"] > 1e-3
         name = self._nearest(report) if changed or status > FilterStatus.SAFE else ""
-        says = f"{status.name}{': ' + name if name else ''}"
+        message = f"{status.name}{': ' + name if name else ''}"
         action = Action.LIMIT if changed else Action.DO_NOTHING
-        return Decision(told, wanted, level, says, action, name if changed else "", report)
+        return Decision(command, wanted, level, message, action, name if changed else "", report)
 
     def _nearest(self, report: Info) -> str:
-        """Return what pays most, or else what is nearest after its margin."""
+        """Return the name of the largest slack, or else of the least h after its margin."""
         if not self._names:
             return ""
-        paid = report["slack"][: len(self._names)]
-        if paid.size and paid.max() > 0.0:
-            return self._names[int(np.argmax(paid))]
+        slack = report["slack"][: len(self._names)]
+        if slack.size and slack.max() > 0.0:
+            return self._names[int(np.argmax(slack))]
         left = (report["h"] - report["margin"])[: len(self._names)]
         return self._names[int(np.argmin(left))] if np.isfinite(left).any() else ""
 
     def _stopped(self, faults: list[Fault], now: Now) -> Decision:
-        """Return zero, and let the filter know that the robot is told so."""
-        zero, report = np.zeros(self._size), None
+        """Return zero, and let the filter know that it is commanded."""
+        report = None
         if math.isfinite(now.ros) and (self._last is None or now.ros > self._last[0]):
-            _, report = self._filter.step(zero, None, None, math.nan, now.ros)
-        says = "; ".join(map(str, faults))
-        idle = [one.source for one in faults] == ["command"] and "old" in faults[0].says
-        invalid = faults[0].source in self.sources and faults[0].says != INSIDE
-        name = "invalid source" if invalid else faults[0].source
+            _, report = self._filter.step(np.zeros(self._size), None, None, math.nan, now.ros)
+        idle = [one.source for one in faults] == ["command"] and "old" in faults[0].message
+        invalid = faults[0].source in self.sources and faults[0].message != INSIDE
+        decision = self._zero(faults, "invalid source" if invalid else faults[0].source)
         level = Level.STALE if idle else Level.ERROR
-        return Decision(zero, self._wanted, level, says, Action.STOP, name, report)
+        return decision._replace(level=level, report=report)
+
+    def _zero(self, faults: list[Fault], name: str) -> Decision:
+        zero, message = np.zeros(self._size), "; ".join(map(str, faults))
+        return Decision(zero, self._wanted, Level.ERROR, message, Action.STOP, name, None)
 
     def _passed(self, now: Now) -> Decision:
-        """Return the velocity wanted as it is, while it is fresh: the node is not enabled."""
+        """Return the nominal velocity while it is fresh: the node is not enabled."""
         fault = self._command.fault(now)
-        told = self._wanted.copy() if fault is None else np.zeros(self._size)
-        says = "not enabled" + (f"; {fault}" if fault else "")
-        decision = Decision(told, self._wanted, Level.WARN, says, Action.DO_NOTHING, "", None)
-        return self._silenced(decision, now)
+        command = self._wanted.copy() if fault is None else np.zeros(self._size)
+        message = "not enabled" + (f"; {fault}" if fault else "")
+        passed = Decision(command, self._wanted, Level.WARN, message, Action.DO_NOTHING, "", None)
+        return self._silenced(passed, now)
 
     def _silenced(self, decision: Decision, now: Now) -> Decision:
-        """Return the decision, without a command where zero has been said for long enough."""
+        """Return the decision, without a command where zero was published for long enough."""
         assert decision.command is not None
         if np.abs(decision.command).max() > ZERO:
             self._zero_since = None
@@ -437,47 +384,52 @@ class NodeCore:
 
     # -- what is remembered -----------------------------------------------------------------------
 
+    def _switch(self, other: VelocityFilter) -> None:
+        """Continue with another filter, under the cap."""
+        other.v_max = self.settings.v_max or None
+        other.go_on_from(self._filter)
+        self._filter = other
+
     def _begin_anew(self) -> None:
-        """Let the filter forget the past."""
-        if self._led.begin_anew(self.settings.v_max):
+        """Let the filter forget the past, and guidance's field with it."""
+        goal = self._filter.goal
+        if goal is not None:
+            self._switch(self._plain)
+            self._lost, self._plans = goal, True
+        self._filter.reset()
+        if goal is not None:
             self._show()
 
     def _forget(self) -> None:
-        """Begin anew: the clock has gone back, and no stamp from before means anything."""
+        """Begin anew: the clock has gone back, and stamps from before mean nothing."""
         self._command.forget()
         self.localization.forget()
         for source in self.sources.values():
-            if source.settings.type == "scan":
-                source.watch.forget()
-            elif source.watch.is_known:
-                source.watch.stand()
+            source.forget_stamps()
         self._last = None
         self._begin_anew()
 
     def _place_scans(self, frame: Array) -> None:
-        """Let scans lie by odometry, wherever its frame (3,) is now [m, rad].
+        """Place scans by odometry's frame (3,) as it is now [m, rad].
 
-        So what corrects the pose moves them, too: it is the robot's own place that was wrong, and
-        not how far away it saw something.
+        So a correction of the pose moves them, too: the robot's place was wrong, and not how far
+        away it saw something.
         """
         if self._frame is not None and np.array_equal(frame, self._frame):
             return
-        self._frame, scans = (
-            frame,
-            [one for one in self.sources.values() if one.measured is not None],
-        )
+        self._frame = frame
+        scans = [one for one in self.sources.values() if one.measured is not None]
         for source in scans:
-            sources.place(source, frame)
+            source.place(frame)
         if scans:
             self._show()
 
     @property
     def _shown(self) -> list[Any]:
-        """What the sources show now."""
         return [e for one in self.sources.values() if one.enabled for e in one.entries]
 
     def _show(self) -> None:
-        """Hand the filter what the sources show; guidance looks at it in `planned` alone."""
+        """Give the filter what the sources show; guidance looks at it in `planned` alone."""
         shown = self._shown
         self._names = [one.name for one in each(shown)]
         self._filter.set_barriers(shown, look=False)

@@ -5,43 +5,19 @@ from typing import NamedTuple
 
 from hcbf_gym.arrays import Array, Info
 
-
-class Level(IntEnum):
-    """As `diagnostic_msgs/DiagnosticStatus` counts them."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-    STALE = 3
-
-
-class Action(IntEnum):
-    """As `nav2_msgs/CollisionMonitorState` counts them."""
-
-    DO_NOTHING = 0
-    STOP = 1
-    SLOWDOWN = 2
-    APPROACH = 3
-    LIMIT = 4
+Level = IntEnum("Level", ["OK", "WARN", "ERROR", "STALE"], start=0)
+"""As `diagnostic_msgs/DiagnosticStatus` counts them."""
+Action = IntEnum("Action", ["DO_NOTHING", "STOP", "SLOWDOWN", "APPROACH", "LIMIT"], start=0)
+"""As `nav2_msgs/CollisionMonitorState` counts them."""
 
 
 class Decision(NamedTuple):
-    """What to do now.
+    """What to do now."""
 
-    Attributes:
-        command: (k,) for the robot, in its own axes [m/s, rad/s]; None: publish nothing.
-        wanted: (k,) what was wanted; zeros where nothing is.
-        level: of the diagnostics.
-        says: why.
-        action: what was done to the velocity wanted.
-        name: of what it was done for.
-        report: of the filter; None where it was not asked.
-    """
-
-    command: Array | None
-    wanted: Array
+    command: Array | None  # (k,) for the robot, in its own axes [m/s, rad/s]; None: publish nothing
+    wanted: Array  # (k,) the nominal command; zeros where there is none
     level: Level
-    says: str
+    message: str
     action: Action
-    name: str
-    report: Info | None
+    name: str  # of what the action was for
+    report: Info | None  # of the filter; None where it was not called

@@ -1,4 +1,4 @@
-"""What RViz shows: the pieces near the robot by rank, the command wanted and the command given."""
+"""Markers for RViz: the pieces near the robot by rank, the nominal command and the filtered one."""
 # pyright: reportMissingImports=false
 # messages come with ROS, or with the extra ros-wheels
 
@@ -17,19 +17,13 @@ from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.decisions import Decision
 
 NEAR = 4.0
-"""What is nearer to the robot is drawn [m]."""
+"""Pieces nearer to the robot are drawn [m]."""
 COLORS = ((0.8, 0.1, 0.1), (0.9, 0.5, 0.0), (0.1, 0.3, 0.8), (0.4, 0.2, 0.6))
 """Red, green and blue of ranks 1, 2, 3 and lower."""
 
 
 def of(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
-    """Return the markers of a moment.
-
-    Args:
-        core: what is known.
-        decision: what was decided.
-        stamp: of the moment.
-    """
+    """Return the markers of a core and its decision, with a stamp in ROS's form."""
     place = core.place
     ranks: dict[int, list[Array]] = {}
     for source in core.sources.values():
@@ -58,7 +52,7 @@ def of(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
 
 
 def _outlines(one: Any) -> list[Array]:
-    """Return (k, 2) the corners of what a barrier shuts [m]."""
+    """Return (k, 2) corners [m] around the inside of a barrier's pieces."""
     if isinstance(one, Mapped):
         return one.pieces.polygons
     if isinstance(one, Shape):

@@ -10,8 +10,8 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.ros.sources import Beams, grid_of
 
-LEANS = 0.1
-"""By how much a scan's plane may lean [rad]."""
+TILT = 0.1
+"""Greatest tilt of a scan's plane [rad]."""
 NORM = 0.05
 """By which the norm of a quaternion may differ from 1; within that it is normalised."""
 
@@ -35,11 +35,7 @@ def yaw_of(orientation: Any) -> float:
 
 
 def _check_norm(name: str, orientation: Any) -> None:
-    """Refuse a quaternion.
-
-    Raises:
-        InvalidInputError: if its norm is not 1, see `NORM`.
-    """
+    """Refuse a quaternion whose norm is not 1."""
     if np.isnan(unit_of(orientation)).any():
         raise InvalidInputError(
             f"{name}: got {orientation}, expected a quaternion of the norm 1 within {NORM:.0%}"
@@ -69,21 +65,28 @@ def write_twist(command: Array, twist: Any) -> None:
         twist.linear.y = float(command[1])
 
 
+def write_pose(place: Array, pose: Any) -> None:
+    """Write x, y [m] and yaw [rad] into a `geometry_msgs/Pose` of zeros."""
+    x, y, yaw = place.tolist()
+    pose.position.x, pose.position.y = x, y
+    pose.orientation.z, pose.orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+
+
 def mount_of(transform: Any) -> tuple[Array, bool]:
     """Return (3,) where a scanner sits [m, rad], and whether it hangs upside down.
 
-    Its plane is the floor's: what leans sees the floor, or over what stands there.
+    Its plane is the floor's: a tilted one sees the floor, or over obstacles.
 
     Raises:
-        InvalidInputError: if it leans by more than `LEANS`, or its quaternion is none.
+        InvalidInputError: if its tilt is above `TILT`, or the quaternion's norm is not 1.
     """
     _check_norm("tf", transform.rotation)
     x, y, _, _ = unit_of(transform.rotation).tolist()
     up = 1.0 - 2.0 * (x * x + y * y)  # of the third axis
-    if not abs(up) >= math.cos(LEANS):
+    if not abs(up) >= math.cos(TILT):
         raise InvalidInputError(
-            f"tf: the scan's plane leans by {math.acos(min(1.0, abs(up))):.2f} rad, expected at "
-            f"most {LEANS:g}: only what lies flat, either way up, is taken"
+            f"tf: the scan's plane has a tilt of {math.acos(min(1.0, abs(up))):.2f} rad, expected "
+            f"at most {TILT:g}: a flat one, either way up"
         )
     return transform_of(transform), up < 0.0
 
@@ -92,7 +95,7 @@ def beams_of(scan: Any) -> Beams:
     """Return the beams of a `sensor_msgs/LaserScan`.
 
     Raises:
-        InvalidInputError: if there are not as many as its angles say, give or take one.
+        InvalidInputError: if their number differs by more than one from that of its angles.
     """
     ranges = np.array(scan.ranges, dtype=np.float64)
     angles = scan.angle_max - scan.angle_min, scan.angle_increment
@@ -111,7 +114,7 @@ def raster_of(grid: Any) -> Raster:
 
     Raises:
         InvalidInputError: if its numbers make no grid.
-        ValueError: if it does not hold as many cells as it says.
+        ValueError: if the number of its cells is not that of its rows and columns.
     """
     info = grid.info
     _check_norm("origin", info.origin.orientation)

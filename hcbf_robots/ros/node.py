@@ -1,7 +1,7 @@
-"""The lifecycle node: messages in, what `core` decides out. It needs rclpy.
+"""The lifecycle node: messages in, the decisions of `core` out. It needs rclpy.
 
 Commands, odometry and the periods of the filter are handled by the executor's thread. What sources
-show is prepared in others and handed over under a lock that is held for microseconds.
+show is prepared in others and passed under a lock that is held for microseconds.
 """
 # pyright: reportMissingImports=false
 # rclpy comes with ROS, or with the extra ros-wheels
@@ -9,6 +9,7 @@ show is prepared in others and handed over under a lock that is held for microse
 import contextlib
 import gc
 import logging
+import math
 import sys
 import threading
 import time
@@ -29,6 +30,7 @@ from std_srvs.srv import SetBool
 from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning
 from hcbf_robots.ros import messages, optional, running
 from hcbf_robots.ros.core import NodeCore
+from hcbf_robots.ros.decisions import Decision
 from hcbf_robots.ros.intake import Intake
 from hcbf_robots.ros.parameter import Parameter
 from hcbf_robots.ros.parameters import Settings, by_name, read
@@ -44,22 +46,14 @@ SWITCH = 2e-4
 DONE, REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-_MAPS = logging.getLogger("hcbf_robots.maps")
-
-
-class _Shown(logging.Handler):
-    """Passes what is logged to ROS.
-
-    Args:
-        logger: of the node.
-    """
+class _ToRos(logging.Handler):
+    """Passes log records to a node's logger."""
 
     def __init__(self, logger: Any):
         super().__init__()
         self._logger = logger
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Log it."""
         self._logger.info(record.getMessage())
 
 
@@ -77,6 +71,7 @@ class FilterNode(LifecycleNode):
         self._bond: Any = None
         self._lock = threading.Lock()
         self.is_active = False
+        self._log = _ToRos(self.get_logger())
         self._undo: list[tuple[Callable[[Any], Any], Any]] = []
         self._declare()
         self.add_on_set_parameters_callback(self._on_parameters)
@@ -98,7 +93,7 @@ class FilterNode(LifecycleNode):
                 value = None if default == [] else default
                 self.declare_parameter(name, value, _descriptor(one))
             else:
-                # a value that does not fit: `configure` says so by its name
+                # `configure` refuses a value that does not fit by its name
                 with contextlib.suppress(rclpy.exceptions.ParameterException):
                     self.set_descriptor(name, _descriptor(one))
 
@@ -115,7 +110,7 @@ class FilterNode(LifecycleNode):
 
     @contextlib.contextmanager
     def _logged(self) -> Iterator[None]:
-        """Log what is warned of inside, which Python is told to ignore while the node runs."""
+        """Log the warnings inside, which Python ignores while the node runs."""
         with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
             yield
@@ -126,20 +121,20 @@ class FilterNode(LifecycleNode):
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Read the parameters; a value or a file that does not fit is FAILURE."""
-        shown = _Shown(self.get_logger())
-        self._undo.append((_MAPS.removeHandler, shown))
-        _MAPS.setLevel(logging.INFO)
-        _MAPS.addHandler(shown)
+        maps = logging.getLogger("hcbf_robots.maps")
+        self._undo.append((maps.removeHandler, self._log))
+        maps.setLevel(logging.INFO)
+        maps.addHandler(self._log)
         try:
             settings = read(self._given())
             _check_imports(settings)
-            self._check_velocities(settings)
+            self._check_velocities(settings)  # after namespaces and remapping
             with self._logged():
                 self._core = NodeCore(settings)
             self._connect(self._core, settings)
         except Exception as error:  # what ROS refuses, such as a topic's name, has many kinds
-            says = str(error) if isinstance(error, HcbfError) else repr(error)
-            self.get_logger().error(f"configure: {says}")
+            message = str(error) if isinstance(error, HcbfError) else repr(error)
+            self.get_logger().error(f"configure: {message}")
             self._clean()
             return REFUSED
         gc.collect()
@@ -147,7 +142,7 @@ class FilterNode(LifecycleNode):
         return super().on_configure(state)
 
     def _connect(self, core: NodeCore, settings: Settings) -> None:
-        """Make publishers, subscriptions, timers and what prepares beside."""
+        """Make publishers, subscriptions, timers and the other threads."""
         self._stamped = settings.enable_stamped_cmd_vel
         kind = TwistStamped if self._stamped else Twist
         self._velocity = self._publisher(kind, settings.cmd_vel_out_topic)
@@ -169,17 +164,13 @@ class FilterNode(LifecycleNode):
         self._undo += [(self.destroy_timer, self._timer), (self.destroy_timer, slow)]
 
     def _check_velocities(self, settings: Settings) -> None:
-        """Refuse to hear the own velocities, after namespaces and remapping.
-
-        Raises:
-            InvalidInputError: the message names the parameter.
-        """
+        """Refuse to hear the velocities that the node publishes."""
         wanted, given = settings.cmd_vel_in_topic, settings.cmd_vel_out_topic
         whole = self.resolve_topic_name(given)
         if self.resolve_topic_name(wanted) == whole:
             raise InvalidInputError(
                 f"parameter cmd_vel_out_topic: got {given!r}, which is {whole} as {wanted!r} of "
-                "cmd_vel_in_topic is, expected another"
+                "cmd_vel_in_topic, expected another"
             )
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
@@ -195,8 +186,13 @@ class FilterNode(LifecycleNode):
         return done
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Say zero once more, and nothing after it."""
-        self._end()
+        """Publish zero once more, and nothing after it."""
+        if self.is_active:
+            self._publish(np.zeros(3))
+        self.is_active = False
+        if self._bond is not None:
+            self._bond.break_bond()
+            self._bond = None
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
@@ -205,18 +201,10 @@ class FilterNode(LifecycleNode):
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
-        """Say zero if the node was active, and end."""
-        self._end()
+        """Publish zero if the node was active, and end."""
+        self.on_deactivate(state)
         self._clean()
         return super().on_shutdown(state)
-
-    def _end(self) -> None:
-        if self.is_active:
-            self._publish(np.zeros(3))
-        self.is_active = False
-        if self._bond is not None:
-            self._bond.break_bond()
-            self._bond = None
 
     def _clean(self) -> None:
         if self._intake is not None:
@@ -225,6 +213,11 @@ class FilterNode(LifecycleNode):
         for destroy, one in self._undo:
             destroy(one)
         self._undo = []
+
+    def destroy_node(self) -> None:
+        """Destroy the node, and end its threads."""
+        self._clean()
+        super().destroy_node()
 
     @property
     def _configured(self) -> NodeCore:
@@ -251,40 +244,37 @@ class FilterNode(LifecycleNode):
     def _on_command(self, message: Any) -> None:
         if not self.is_active:
             return
-        begun, now, core = time.perf_counter(), self._now(), self._configured
+        begun, now = time.perf_counter(), self._now()
         header = message.header if self._stamped else None
         twist = messages.twist_of(message.twist if self._stamped else message)
         stamp = None if header is None else messages.seconds(header.stamp)
         frame = "" if header is None else header.frame_id
         with self._lock:
-            believed = core.hear_command(twist, now, stamp or None, frame)
-            decision, goal = core.step(now), core.goal_to_plan()
-        if decision.command is not None:
-            self._publish(decision.command, header if believed else None)
+            accepted = self._configured.hear_command(twist, now, stamp or None, frame)
+        decision = self._decide(now, header if accepted else None)
         self._reporter.note(time.perf_counter() - begun)
         self._timer.reset()
-        self._reporter.say(decision, now, self._stamp())
-        self._plan(goal)
+        self._reporter.publish(decision, now, self._stamp())
 
     def _on_period(self) -> None:
         """Filter the last velocity again: none has come for a period."""
         if not self.is_active:
             return
         now = self._now()
+        self._reporter.publish(self._decide(now), now, self._stamp())
+
+    def _decide(self, now: Now, header: Any = None) -> Decision:
+        """Publish a decision, and let a goal be planned again whose field was dropped."""
         with self._lock:
             decision, goal = self._configured.step(now), self._configured.goal_to_plan()
         if decision.command is not None:
-            self._publish(decision.command)
-        self._reporter.say(decision, now, self._stamp())
-        self._plan(goal)
-
-    def _plan(self, goal: Any) -> None:
-        """Let guidance lead to a goal again, whose field is no more."""
+            self._publish(decision.command, header)
         if goal is not None and self._intake is not None:
             self._intake.plan(goal)
+        return decision
 
     def _publish(self, command: Any, header: Any = None) -> None:
-        """Publish a velocity, with the header of the one wanted, or one of now."""
+        """Publish a velocity, with the header of the nominal one, or one of now."""
         message: Any = TwistStamped() if self._stamped else Twist()
         if header is not None:
             message.header = header
@@ -295,25 +285,17 @@ class FilterNode(LifecycleNode):
         self._velocity.publish(message)
 
     def _on_odometry(self, message: Any) -> None:
-        now, core = self._now(), self._configured
+        now, core, header = self._now(), self._configured, message.header
+        pose, twist = messages.pose_of(message.pose.pose), messages.twist_of(message.twist.twist)
+        stamp, frames = messages.seconds(header.stamp), (header.frame_id, message.child_frame_id)
         with self._lock:
             if self._transforms is not None and core.settings.pose_source == "tf":
-                frames = core.settings.global_frame_id, core.settings.odom_frame_id
-                found = self._transforms.newest(*frames)
-                if found is None:
-                    core.localization.hear_correction(None, 0.0)
-                else:
-                    placed = messages.transform_of(found.transform)
-                    stamp = messages.seconds(found.header.stamp)
-                    core.localization.hear_correction(placed, stamp)
-            core.hear_odometry(
-                messages.pose_of(message.pose.pose),
-                messages.twist_of(message.twist.twist),
-                messages.seconds(message.header.stamp),
-                now,
-                message.header.frame_id,
-                message.child_frame_id,
-            )
+                between = core.settings.global_frame_id, core.settings.odom_frame_id
+                found = self._transforms.newest(*between)
+                placed = None if found is None else messages.transform_of(found.transform)
+                at = 0.0 if found is None else messages.seconds(found.header.stamp)
+                core.localization.hear_correction(placed, at)
+            core.hear_odometry(pose, twist, stamp, now, *frames)
 
     def _on_pose(self, message: Any) -> None:
         header, pose = message.header, messages.pose_of(message.pose.pose)
@@ -321,14 +303,14 @@ class FilterNode(LifecycleNode):
         with self._lock:
             self._configured.localization.hear_pose(pose, stamp, now, header.frame_id)
 
-    # -- what is asked ----------------------------------------------------------------------------
+    # -- requests ---------------------------------------------------------------------------------
 
     def _on_toggle(self, request: Any, response: Any) -> Any:
         """Switch between filtering and passing on, by Nav2's Toggle or SetBool."""
         enable = request.enable if hasattr(request, "enable") else request.data
         with self._lock:
             self._configured.enabled = bool(enable)
-        response.success, response.message = True, "enabled" if enable else "passes commands on"
+        response.success, response.message = True, "enabled" if enable else "commands pass"
         return response
 
     def _on_second(self) -> None:
@@ -337,46 +319,39 @@ class FilterNode(LifecycleNode):
 
 
 def _check_imports(settings: Settings) -> None:
-    """Refuse what needs a package that is not here.
-
-    Raises:
-        InvalidInputError: the message names the parameter.
-    """
+    """Refuse parameters that need a package that is not installed."""
     if settings.pose_source == "tf" and not optional.Transforms.can_be():
         raise InvalidInputError(
-            "parameter pose_source: got 'tf' where tf2_ros cannot be imported, expected 'odom' or "
-            "'topic'"
+            "parameter pose_source: got 'tf' without tf2_ros, expected 'odom' or 'topic'"
         )
-    told = [one.name for one in settings.sources if one.filter_info_topic]
-    if told and optional.filter_info() is None:
+    described = [one.name for one in settings.sources if one.filter_info_topic]
+    if described and optional.filter_info() is None:
         raise InvalidInputError(
-            f"parameter {told[0]}.filter_info_topic: got it where nav2_msgs cannot be imported, "
-            "expected topic, with base and multiplier by parameter"
+            f"parameter {described[0]}.filter_info_topic: got it without nav2_msgs, expected "
+            "topic, with base and multiplier by parameter"
         )
 
 
 def _descriptor(one: Parameter) -> ParameterDescriptor:
     """Return what ROS's tools show of a parameter."""
-    made = ParameterDescriptor(description=one.says, dynamic_typing=True)
+    made = ParameterDescriptor(description=one.about, dynamic_typing=True)
     if one.choices:
         made.additional_constraints = f"one of {', '.join(one.choices)}"
-    if one.kind is float and one.low is not None:
-        high = float(sys.float_info.max if one.high is None else one.high)
+    if one.kind is float and math.isfinite(one.low):
+        high = min(float(one.high), sys.float_info.max)
         made.floating_point_range = [FloatingPointRange(from_value=float(one.low), to_value=high)]
     return made
 
 
 def spin(arguments: list[str], *, autostart: bool) -> None:
-    """Run the node until it is interrupted.
+    """Run the node, with arguments for ROS, until it is interrupted.
 
-    Args:
-        arguments: for ROS.
-        autostart: whether it configures and activates itself; else a lifecycle manager does.
+    With `autostart` it configures and activates itself; else a lifecycle manager does.
 
     Raises:
         InvalidInputError: if it configures itself and a parameter does not fit.
     """
-    warnings.simplefilter("ignore", SafetyWarning)  # the diagnostics say all of it, every time
+    warnings.simplefilter("ignore", SafetyWarning)  # the diagnostics contain them
     sys.setswitchinterval(SWITCH)
 
     def begin(node: FilterNode) -> None:

@@ -4,7 +4,7 @@ import importlib
 from typing import Any
 
 
-def found(module: str, *names: str) -> Any:
+def _found(module: str, *names: str) -> Any:
     """Return a module that has such names, or None where there is none."""
     try:
         imported = importlib.import_module(module)
@@ -15,20 +15,17 @@ def found(module: str, *names: str) -> Any:
 
 def state_message() -> Any:
     """Return Nav2's message of the collision monitor's state, or None."""
-    module = found("nav2_msgs.msg", "CollisionMonitorState")
-    return None if module is None else module.CollisionMonitorState
+    return getattr(_found("nav2_msgs.msg"), "CollisionMonitorState", None)
 
 
 def filter_info() -> Any:
     """Return Nav2's message that describes a mask, or None."""
-    module = found("nav2_msgs.msg", "CostmapFilterInfo")
-    return None if module is None else module.CostmapFilterInfo
+    return getattr(_found("nav2_msgs.msg"), "CostmapFilterInfo", None)
 
 
 def toggle() -> Any:
     """Return Nav2's service that switches the monitor, or None."""
-    module = found("nav2_msgs.srv", "Toggle")
-    return None if module is None else module.Toggle
+    return getattr(_found("nav2_msgs.srv"), "Toggle", None)
 
 
 class Transforms:
@@ -39,7 +36,7 @@ class Transforms:
     """
 
     def __init__(self, node: Any):
-        tf2_ros = found("tf2_ros", "Buffer", "TransformListener")
+        tf2_ros = importlib.import_module("tf2_ros")
         self._newest = importlib.import_module("rclpy.time").Time()
         self._buffer = tf2_ros.Buffer()
         self._failed: Any = (tf2_ros.TransformException, LookupError)
@@ -52,7 +49,7 @@ class Transforms:
     @staticmethod
     def can_be() -> bool:
         """Return whether tf2 can be imported."""
-        return found("tf2_ros", "Buffer", "TransformListener", "TransformException") is not None
+        return _found("tf2_ros", "Buffer", "TransformListener", "TransformException") is not None
 
     def newest(self, parent: str, child: str) -> Any:
         """Return the newest `geometry_msgs/TransformStamped` of a frame in another, or None."""
@@ -64,7 +61,7 @@ class Transforms:
 
 def bond(node: Any, name: str) -> Any:
     """Return a bond with the lifecycle manager that has begun, or None without bondpy."""
-    module = found("bondpy.bondpy", "Bond")
+    module = _found("bondpy.bondpy", "Bond")
     if module is None:
         return None
     made = module.Bond(topic="/bond", id=name, node=node)

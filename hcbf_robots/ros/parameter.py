@@ -1,108 +1,63 @@
 """One parameter of a node: what it may be, and how a value is refused by its name."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field, fields
-from typing import Any, NamedTuple, get_type_hints
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import MISSING, field, fields
+from typing import Any, NamedTuple, get_args, get_type_hints
 
-from hcbf_gym.errors import InvalidInputError, finite_float, shown
+from hcbf_gym.errors import InvalidInputError, finite_float, flag, shown
 
 Numbers = tuple[float, ...]
 Texts = tuple[str, ...]
-_PLAIN = (bool, int, float, str, tuple)
 
 
 class Parameter(NamedTuple):
-    """One parameter.
+    """One parameter; `kind` is the type of its value, and `live` ones may be set at any time."""
 
-    Attributes:
-        name: as ROS has it; of a source behind the source's name and a dot.
-        kind: the Python type of its value.
-        default: where none is given.
-        says: what it is.
-        low: the least number.
-        high: the greatest number.
-        choices: of a text; none for any.
-        live: whether it may be set while the node runs.
-    """
-
-    name: str
+    name: str  # of a source behind the source's name and a dot
     kind: Any
     default: Any
-    says: str
-    low: float | None
-    high: float | None
-    choices: Texts
-    live: bool
+    about: str
+    low: float
+    high: float
+    choices: Texts = ()  # of a text; none for any
+    live: bool = False
 
     def read(self, value: Any, label: str) -> Any:
-        """Return a value as the settings have it.
-
-        Args:
-            value: as ROS or a file gave it.
-            label: the parameter's whole name.
+        """Return a value of ROS or of a file as the settings have it; `label` is the whole name.
 
         Raises:
             InvalidInputError: if it is of another type, out of range or none of the choices.
         """
+        label, got = f"parameter {label}", shown(value)
         if self.kind in (Numbers, Texts):
             if isinstance(value, str | bytes) or not isinstance(value, Sequence):
-                raise InvalidInputError(
-                    f"parameter {label}: got {shown(value)}, expected a list of "
-                    f"{'numbers' if self.kind == Numbers else 'texts'}"
-                )
-            one = self._number if self.kind == Numbers else self._text
-            return tuple(one(item, label) for item in value)
+                what = "numbers" if self.kind == Numbers else "texts"
+                raise InvalidInputError(f"{label}: got {got}, expected a list of {what}")
+            one = self._replace(kind=get_args(self.kind)[0])
+            return tuple(one.read(item, label.removeprefix("parameter ")) for item in value)
         if self.kind is bool:
-            if not isinstance(value, bool):
-                raise InvalidInputError(
-                    f"parameter {label}: got {shown(value)}, expected true or false"
-                )
+            return flag(label, value)
+        if self.kind is str:
+            if not isinstance(value, str):
+                raise InvalidInputError(f"{label}: got {got}, expected text")
+            if self.choices and value not in self.choices:
+                choices = sorted(self.choices)
+                raise InvalidInputError(f"{label}: got {got}, expected one of {choices}")
             return value
-        return self._text(value, label) if self.kind is str else self._number(value, label)
-
-    def live_value(self, value: Any, label: str) -> Any:
-        """Return the value of a parameter that is set while the node runs.
-
-        Raises:
-            InvalidInputError: if it does not fit, or may not change now.
-        """
-        if not self.live:
-            raise InvalidInputError(
-                f"parameter {label}: got {shown(value)} while the node is configured, expected it "
-                "before"
-            )
-        return self.read(value, label)
-
-    def _text(self, value: Any, label: str) -> str:
-        if not isinstance(value, str):
-            raise InvalidInputError(f"parameter {label}: got {shown(value)}, expected text")
-        if self.choices and value not in self.choices:
-            raise InvalidInputError(
-                f"parameter {label}: got {shown(value)}, expected one of {sorted(self.choices)}"
-            )
-        return value
-
-    def _number(self, value: Any, label: str) -> Any:
-        low = -float("inf") if self.low is None else self.low
-        high = float("inf") if self.high is None else self.high
-        number = finite_float(f"parameter {label}", value, minimum=low, maximum=high)
-        if self.kind is int:
-            if not number.is_integer():
-                raise InvalidInputError(f"parameter {label}: got {number:g}, expected an integer")
-            return int(number)
-        return number
+        number = finite_float(label, value, minimum=self.low, maximum=self.high)
+        if self.kind is int and not number.is_integer():
+            raise InvalidInputError(f"{label}: got {got}, expected an integer")
+        return self.kind(number)
 
 
 @contextlib.contextmanager
 def naming(name: str) -> Iterator[None]:
-    """Put a parameter's whole name before what is wrong with its value.
-
-    Args:
-        name: whole.
+    """Put a parameter's whole name in front of an error's message.
 
     Raises:
-        InvalidInputError: whatever refuses the value.
+        InvalidInputError: the error, with the name.
     """
     try:
         yield
@@ -111,19 +66,13 @@ def naming(name: str) -> Iterator[None]:
 
 
 def parameter(
-    default: Any,
-    says: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: Sequence[str] = (),
-    live: bool = False,
+    default: Any, about: str, low: float = -math.inf, high: float = math.inf, **options: Any
 ) -> Any:
-    """Return a field of the settings with what `Parameter` says of it."""
-    about = {"says": says, "low": low, "high": high, "choices": tuple(choices), "live": live}
+    """Return a field of the settings; arguments are those of `Parameter`."""
+    metadata = {"about": about, "low": low, "high": high, **options}
     if callable(default):
-        return field(default_factory=default, metadata=about)
-    return field(default=default, metadata=about)
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 def table(of: type) -> tuple[Parameter, ...]:
@@ -132,7 +81,7 @@ def table(of: type) -> tuple[Parameter, ...]:
     found = []
     for one in fields(of):
         if one.metadata:
-            made: Callable[[], Any] = one.default_factory  # type: ignore[assignment]
-            default = one.default if isinstance(one.default, _PLAIN) else made()
+            made: Any = one.default_factory
+            default = made() if one.default is MISSING else one.default
             found.append(Parameter(one.name, hints[one.name], default, **one.metadata))
     return tuple(found)

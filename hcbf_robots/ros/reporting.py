@@ -1,4 +1,4 @@
-"""What the node says of itself: diagnostics, the collision monitor's state, report and markers."""
+"""What the node reports: diagnostics, the collision monitor's state, report and markers."""
 # pyright: reportMissingImports=false
 # messages come with ROS, or with the extra ros-wheels
 
@@ -15,14 +15,14 @@ from hcbf_robots.ros.decisions import Decision
 from hcbf_robots.ros.watches import Now
 
 SHOWN_EVERY = 0.2
-"""Of the markers, while anybody looks at them [s]."""
+"""Of the markers, while they have subscribers [s]."""
 
 
 class Reporter:
     """Publishes after each command what has changed, and the diagnostics once a second.
 
     Args:
-        core: what it is about.
+        core: the node's.
         name: of the node.
         publisher: makes a publisher of a message's type and a topic.
     """
@@ -36,7 +36,7 @@ class Reporter:
         topic = core.settings.state_topic
         self._state = publisher(self._state_kind, topic) if topic else None
         self._decision: Decision | None = None
-        self._shown = self._told = ("", "")
+        self._shown = self._published = ("", "")
         self._latency = self._slowest = 0.0
         self._marked = 0.0
 
@@ -44,16 +44,16 @@ class Reporter:
         """Note how long a command took from its arrival to its publication [s]."""
         self._latency, self._slowest = latency, max(self._slowest, latency)
 
-    def say(self, decision: Decision, now: Now, stamp: Any) -> None:
-        """Say what has changed; `stamp` is now in ROS's form."""
+    def publish(self, decision: Decision, now: Now, stamp: Any) -> None:
+        """Publish what has changed; `stamp` is now in ROS's form."""
         self._decision = decision
-        kind = decision.level.name, decision.says.split(":")[0]
+        kind = decision.level.name, decision.message.split(":")[0]
         if kind != self._shown:
             self._shown = kind
             self.diagnose(now, stamp)
-        told = decision.action.name, decision.name
-        if told != self._told and self._state is not None:
-            self._told = told
+        state = decision.action.name, decision.name
+        if state != self._published and self._state is not None:
+            self._published = state
             self._state.publish(_state(self._state_kind, decision))
         if self._report.get_subscription_count() > 0:
             self._report.publish(_array(_reported(decision), stamp))
@@ -70,7 +70,7 @@ class Reporter:
         status = DiagnosticStatus(
             level=bytes([decision.level]),
             name=f"{self._name}: velocity filter",
-            message=decision.says + silent,
+            message=decision.message + silent,
             hardware_id=core.settings.robot or "robot",
         )
         values = {
@@ -81,22 +81,24 @@ class Reporter:
         }
         for name, one in core.sources.items():
             fault = one.watch.fault(now)
-            values[f"source {name}"] = "off" if not one.enabled else fault.says if fault else "ok"
+            values[f"source {name}"] = (
+                "off" if not one.enabled else fault.message if fault else "ok"
+            )
         status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         self._slowest = 0.0
         self._diagnostics.publish(_array(status, stamp))
 
 
 def _reported(decision: Decision) -> DiagnosticStatus:
-    """Return what the filter says of a step, for bags."""
-    told = np.full(len(decision.wanted), np.nan) if decision.command is None else decision.command
-    numbers = {"wanted": decision.wanted, "given": told, **(decision.report or {})}
+    """Return all numbers of a step, for bags."""
+    given = np.full(len(decision.wanted), np.nan) if decision.command is None else decision.command
+    numbers = {"wanted": decision.wanted, "given": given, **(decision.report or {})}
     values = [
         KeyValue(key=key, value=" ".join(f"{n:.6g}" for n in np.atleast_1d(value)))
         for key, value in numbers.items()
     ]
     level = bytes([decision.level])
-    return DiagnosticStatus(level=level, name="report", message=decision.says, values=values)
+    return DiagnosticStatus(level=level, name="report", message=decision.message, values=values)
 
 
 def _state(kind: Any, decision: Decision) -> Any:

@@ -16,28 +16,29 @@ from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_adapter import Adapter
 
 BEAMS, FARTHEST_BEAM, NEAREST_BEAM = 360, 10.0, 0.05
-"""Of the scan: beams all around, and what they can measure [m]."""
+"""Of the scan: beams all around, and the ranges that they measure [m]."""
+NOISE = 0.01
+"""Standard deviation of a range [m]."""
+TIMEOUT = 0.5
+"""After which without a command the base stops [s]."""
 
 
 class SimulatedRobot:
-    """A robot that is told velocities and says where it is and what it sees.
+    """A robot that follows velocities, with odometry and a scan.
 
-    What the map shuts is seen by the scan, and drawn, but does not stop the robot: who drives into
-    a wall is to be seen there.
+    The scan sees the map's walls; they do not stop the robot, so that an entry shows.
 
     Args:
         robot: a contract's path or name.
         map_file: a map server's YAML; "" for an empty floor.
         start: x, y [m] and yaw [rad].
-        noise: standard deviation of the scan's ranges [m].
-        timeout: after which without a command the base stops [s].
-        seed: of the noise.
+        seed: of the scan's noise.
 
     Raises:
         InvalidInputError: if a file cannot be read.
 
     Attributes:
-        time: since the start [s].
+        path: x, y [m] and yaw [rad] of every tick of the physics.
     """
 
     def __init__(
@@ -45,20 +46,18 @@ class SimulatedRobot:
         robot: str = "cart",
         map_file: str | Path = "",
         start: ArrayLike = (0.0, 0.0, 0.0),
-        noise: float = 0.01,
-        timeout: float = 0.5,
         seed: int = 0,
     ):
         walker = Walker.load(robot)
         self.physics = WalkerPhysics(walker)
-        adapter = Adapter(walker.command, None, math.inf, walker.period)  # not asked: told in axes
+        adapter = Adapter(walker.command, None, math.inf, walker.period)  # commands are in axes
         self._drive = WalkerDrive(self.physics, adapter, None)
+        self.dt = float(self.physics.model.opt.timestep)
         self._every = round(walker.period / self.dt)  # ticks from one action to the next
         self._limits = walker.command.limits
         self._rng = np.random.default_rng(seed)
-        self._noise, self._timeout = noise, timeout
         self._command, self._until = np.zeros(len(self._limits)), -math.inf
-        self.grid, self.cells = _shut(map_file)
+        self._grid, self._cells = _occupied(map_file)
         x, y, yaw = np.asarray(start, dtype=np.float64).tolist()
         self._drive.reset(np.array([x, y]), yaw, BarrierSet([()]), self._rng)
         self.path: list[Array] = []
@@ -71,31 +70,23 @@ class SimulatedRobot:
 
     @property
     def fallen(self) -> bool:
-        """Whether it has fallen; then it lies there."""
+        """Whether it has fallen."""
         return bool(self.physics.fallen)
 
     @property
     def failed(self) -> bool:
-        """Whether its controller gave something that is no action; the last one was kept."""
+        """Whether its controller has returned no valid action; the last one was kept."""
         return self._drive.failed
 
-    @property
-    def dt(self) -> float:
-        """One tick of the physics [s]."""
-        return float(self.physics.model.opt.timestep)
-
-    def tell(self, velocity: ArrayLike) -> None:
-        """Tell it (v_x, v_y, ω) in its own axes [m/s, rad/s], good for the base's time-out."""
+    def command(self, velocity: ArrayLike) -> None:
+        """Command (v_x, v_y, ω) in its own axes [m/s, rad/s] for `TIMEOUT`."""
         given = np.asarray(velocity, dtype=np.float64)
         given = given[[0, 2]] if len(self._limits) == 2 else given
         self._command = np.clip(given, -self._limits, self._limits)
-        self._until = self.time + self._timeout
+        self._until = self.time + TIMEOUT
 
     def run(self, seconds: float) -> None:
-        """Advance the physics by so many seconds; `path` has a pose of each tick.
-
-        What is no whole number of ticks is made up for next time.
-        """
+        """Advance the physics by so many seconds; a part of a tick is added to the next call."""
         self._due += seconds / self.dt
         while self._ticks < round(self._due):
             if self._ticks % self._every == 0:
@@ -127,19 +118,19 @@ class SimulatedRobot:
         """Return (BEAMS,) noisy ranges from −π on [m]; +inf saw nothing."""
         x, y, yaw = self.pose
         angles = yaw - math.pi + math.tau / BEAMS * np.arange(BEAMS)
-        if self.cells is None or self.grid is None:
+        if self._grid is None:
             return np.full(BEAMS, np.inf)
-        (column, row), turn = self.grid.to_cells([[x, y]])[0], self.grid.origin[2]
-        side = self.grid.resolution
+        (column, row), turn = self._grid.to_cells([[x, y]])[0], self._grid.origin[2]
+        side = self._grid.resolution
         reach = FARTHEST_BEAM / side
-        far = side * _core.cast_rays(self.cells, column, row, angles - turn, reach)
-        far = far + self._noise * self._rng.standard_normal(BEAMS)
+        far = side * _core.cast_rays(self._cells, column, row, angles - turn, reach)
+        far = far + NOISE * self._rng.standard_normal(BEAMS)
         return np.where(far < FARTHEST_BEAM, np.maximum(far, NEAREST_BEAM), np.inf)
 
 
-def _shut(map_file: str | Path) -> tuple[Grid | None, Mask | None]:
+def _occupied(map_file: str | Path) -> tuple[Grid | None, Mask]:
     """Return the grid of a map and which of its cells are occupied."""
     if not map_file:
-        return None, None
+        return None, np.zeros((0, 0), dtype=np.bool_)
     raster = nav2.read(map_file)
     return raster.grid, reading.of_map(raster, 1, None, 0.0)[0].cells

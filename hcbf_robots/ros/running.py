@@ -26,19 +26,15 @@ LOOKED_AT = 0.1
 def run(
     made: Callable[[], Any],
     arguments: list[str],
-    begin: Callable[[Any], None],
-    end: Callable[[Any], None],
+    begin: Callable[[Any], Any] = bool,
+    end: Callable[[Any], Any] = bool,
 ) -> None:
     """Run a node until SIGINT or SIGTERM, or until ROS shuts down.
 
-    Signals do not shut ROS down at once, as they would by default: the node says its last word
-    first. A second one ends the process.
+    Signals do not shut ROS down at once, as they would by default: the node publishes zero first. A
+    second one ends the process.
 
-    Args:
-        made: makes the node.
-        arguments: of the process, for ROS.
-        begin: called with the node before it spins.
-        end: called with the node in any case, while it can still publish.
+    `begin` is called with the node before it spins, `end` in any case, while it can still publish.
 
     Raises:
         InvalidInputError: if ROS refuses the arguments.
@@ -54,7 +50,7 @@ def run(
         signal.signal(number, stop)
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rclpy raises kinds of its own for what its parser refuses
+    except Exception as error:  # rclpy's parser has several kinds of exceptions
         raise InvalidInputError(
             f"ROS refuses the arguments or the parameter file: {error}"
         ) from error

@@ -1,6 +1,6 @@
-"""Whether what a node hears is up to date, by two clocks.
+"""Whether messages are up to date, by two clocks.
 
-Stamps count on the node's clock, which a simulator or a bag may drive; that messages arrive at all
+Stamps count on the node's clock, which a simulator or a bag may drive. The arrival of messages
 counts on the steady clock, which nothing stops.
 """
 
@@ -12,38 +12,27 @@ from hcbf_gym.models import clocks
 
 
 class Now(NamedTuple):
-    """The present.
+    """The present [s]."""
 
-    Attributes:
-        ros: on the node's clock [s].
-        steady: on a clock that nobody sets [s].
-    """
-
-    ros: float
-    steady: float
+    ros: float  # on the node's clock
+    steady: float  # on a clock that is never set
 
 
 class Fault(NamedTuple):
-    """Why a robot is at zero.
+    """Why a robot is at zero."""
 
-    Attributes:
-        source: what is at fault: "command", "odometry", "clock", a source's name, …
-        says: how.
-    """
-
-    source: str
-    says: str
+    source: str  # "command", "odometry", "clock", a source's name, …
+    message: str
 
     def __str__(self) -> str:
-        """Return both."""
-        return f"{self.source}: {self.says}"
+        return f"{self.source}: {self.message}"
 
 
 class Watch:
     """Watches over one kind of message.
 
     Args:
-        name: what faults call it.
+        name: in faults.
         timeout: after which it is stale [s]; 0 for never.
         tolerance: by which a stamp may be ahead of the clock [s].
     """
@@ -53,63 +42,58 @@ class Watch:
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing any more."""
+        """Begin without any message."""
         self.stamp = self._received = -math.inf
         self._wrong = ""
 
-    def stand(self) -> None:
-        """Know without a message: a file, a zone of the parameters, or what stands in any case."""
+    def set_known(self) -> None:
+        """Accept without a message: a file, or a zone of the parameters."""
         self.stamp, self._wrong = -sys.float_info.max, ""
 
-    @property
-    def is_known(self) -> bool:
-        """Whether anything has been accepted."""
-        return self.stamp > -math.inf
+    def forget_stamp(self) -> None:
+        """Begin anew where the clock has gone back; without a time-out the message remains."""
+        if self.timeout > 0.0 and math.isfinite(self._received):
+            self.forget()
+        elif self.stamp > -math.inf:
+            self.set_known()
 
     def hear(self, stamp: float, now: Now, frame: str = "", expected: str = "") -> bool:
         """Accept a message; return False where its stamp or frame is wrong, or it is not newer.
 
-        Args:
-            stamp: of the message [s].
-            now: the present.
-            frame: of the message.
-            expected: the frame that it must have; "" for any.
+        The `expected` frame is "" for any.
         """
+        age = now.ros - stamp
         if expected and frame != expected:
             return self.refuse(f"frame {frame!r}, expected {expected!r}")
         if not math.isfinite(stamp):
             return self.refuse(f"stamp {stamp}")
-        age = now.ros - stamp
         if not clocks.is_accepted(age, math.inf, self._tolerance):
-            return self.refuse(clocks.says(age, math.inf, self._tolerance))
+            return self.refuse(clocks.refusal(age, math.inf, self._tolerance))
         if stamp <= self.stamp:
             return False
         self.stamp, self._received, self._wrong = stamp, now.steady, ""
         return True
 
-    def refuse(self, says: str) -> bool:
-        """Note that the newest message is faulty, until there is a sound one; return False."""
-        self._wrong = says
+    def refuse(self, message: str) -> bool:
+        """Note that the newest message is faulty, until a valid one comes; return False."""
+        self._wrong = message
         return False
 
     def fault(self, now: Now) -> Fault | None:
         """Return what is wrong now, if anything."""
-        says = self._wrong
-        if not says and not self.is_known:
-            says = "nothing received"
-        if not says and self.timeout > 0.0:
-            age = max(now.ros - self.stamp, now.steady - self._received)
-            if not clocks.is_accepted(age, self.timeout, math.inf):
-                says = clocks.says(age, self.timeout)
-        return Fault(self._name, says) if says else None
+        if self._wrong:
+            return Fault(self._name, self._wrong)
+        if self.stamp == -math.inf:
+            return Fault(self._name, "nothing received")
+        age = max(now.ros - self.stamp, now.steady - self._received)
+        never = self.timeout == 0.0 or not math.isfinite(age)  # infinite: known without a message
+        if never or clocks.is_accepted(age, self.timeout, math.inf):
+            return None
+        return Fault(self._name, clocks.refusal(age, self.timeout))
 
 
 class ClockWatch:
-    """Watches over the node's clock.
-
-    Args:
-        timeout: how long it may stand still [s].
-    """
+    """Watches over the node's clock, which may stand still for `timeout` [s]."""
 
     def __init__(self, timeout: float):
         self._timeout = timeout
@@ -117,14 +101,14 @@ class ClockWatch:
         self._back = 0.0
 
     def see(self, now: Now) -> None:
-        """Note the time whenever anything is heard."""
+        """Note the time whenever a message comes."""
         if self._moved is None or now.ros != self._moved.ros:
             if self._moved is not None:
                 self._back = max(self._back, self._moved.ros - now.ros)
             self._moved = now
 
     def went_back(self) -> Fault | None:
-        """Return a fault where the clock has gone back since this was asked."""
+        """Return a fault where the clock has gone back since the last call."""
         back, self._back = self._back, 0.0
         return Fault("clock", f"has gone back by {back:.3f} s") if back > 0.0 else None
 

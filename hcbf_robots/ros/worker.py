@@ -1,48 +1,39 @@
-"""A thread beside the commands' path, which prepares the newest of each source."""
+"""A thread beside the commands' path, which prepares the newest message of each source."""
 
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 Job = Callable[[], None]
+THREADS = "prepares"
+"""How the names of these threads begin."""
 
 
 class Worker:
-    """Runs jobs one after another; a job that waits gives way to a newer one of its name.
+    """Runs jobs one after another; of those of one name that wait, the newest alone.
 
     Args:
-        failed: called in this thread with the name of a job and what it raised.
+        failed: called in this thread with the name of a job and its exception.
     """
 
     def __init__(self, failed: Callable[[str, Exception], None]) -> None:
         self._failed = failed
         self._jobs: dict[str, Job] = {}
-        self._news = threading.Condition()
-        self._ends = False
-        self._thread = threading.Thread(target=self._run, name="prepares", daemon=True)
-        self._thread.start()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix=THREADS)
 
     def put(self, name: str, job: Job) -> None:
         """Let a job be done soon."""
-        with self._news:
-            self._jobs[name] = job
-            self._news.notify()
+        self._jobs[name] = job
+        self._thread.submit(self._run, name)
 
     def close(self) -> None:
-        """Finish the job at hand, and no other."""
-        with self._news:
-            self._ends = True
-            self._news.notify()
-        self._thread.join()
+        """Finish the present job, and no other."""
+        self._jobs.clear()
+        self._thread.shutdown(cancel_futures=True)
 
-    def _run(self) -> None:
-        while True:
-            with self._news:
-                self._news.wait_for(lambda: self._jobs or self._ends)
-                if self._ends:
-                    return
-                name = next(iter(self._jobs))
-                job = self._jobs.pop(name)
-            try:
+    def _run(self, name: str) -> None:
+        job = self._jobs.pop(name, None)
+        try:
+            if job is not None:
                 job()
-            except Exception as error:  # whatever it is: a thread that ends would say nothing
-                self._failed(name, error)
+        except Exception as error:  # of any kind: a future would hide it
+            self._failed(name, error)

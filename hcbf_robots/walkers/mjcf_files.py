@@ -12,10 +12,7 @@ FOLDERS = ("meshdir", "texturedir", "assetdir")
 def read_by(mjcf: Path) -> set[Path]:
     """Return a file and all that it reads, as far as they are there.
 
-    A name that may stand for several files, by the folders that any of them names, stands for all.
-
-    Args:
-        mjcf: the robot's file.
+    A name may mean several files, by the folders that any of them names: it means all.
     """
     found, waiting = set[Path](), [mjcf]
     folders = {mjcf.parent}
@@ -26,11 +23,11 @@ def read_by(mjcf: Path) -> set[Path]:
             continue
         found.add(file)
         for element in _elements(file):
-            said = element.attrib
-            folders |= {folder / said[key] for key in FOLDERS if key in said for folder in (
-                mjcf.parent, file.parent)}  # fmt: skip
+            given = element.attrib
+            own = [given[key] for key in FOLDERS if key in given]
+            folders |= {folder / name for folder in (mjcf.parent, file.parent) for name in own}
             folders.add(file.parent)
-            names |= {value for key, value in said.items() if key.startswith("file")}
+            names |= {value for key, value in given.items() if key.startswith("file")}
         waiting += [
             path for folder, name in product(folders, names)
             if (path := folder / name) not in found and path.is_file()

@@ -1,4 +1,4 @@
-"""A robot that takes velocities, by contract: one JSON file says what it is and who drives it.
+"""A robot that takes velocities, by contract: a JSON file describes it and its controller.
 
 >>> cart = Walker.load("cart")
 >>> cart.command.limits  # (v, ω) [m/s, rad/s]
@@ -29,16 +29,7 @@ from hcbf_robots import carts
 from hcbf_robots.walkers import walker_policy
 from hcbf_robots.walkers.mjcf_files import read_by
 from hcbf_robots.walkers.walker_model import Parts, indices, walker_spec
-from hcbf_robots.walkers.walker_parts import (
-    SLOWEST_PERIOD,
-    Action,
-    Body,
-    Command,
-    Fall,
-    Phase,
-    Physics,
-    spread,
-)
+from hcbf_robots.walkers.walker_parts import Action, Body, Command, Fall, Phase, Physics, spread
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_response import Response
 from hcbf_robots.walkers.walker_terms import (
@@ -50,20 +41,12 @@ from hcbf_robots.walkers.walker_terms import (
     sensors_of,
 )
 
-NAMES = {
-    "cart": carts.FOLDER / "cart.json",
-    "holonomic-cart": carts.FOLDER / "holonomic-cart.json",
-}
+SLOWEST_PERIOD = 0.2  # of a controller [s]
+
+NAMES = {name: carts.FOLDER / f"{name}.json" for name in ("cart", "holonomic-cart")}
 """name → contract of the walkers that the package brings along."""
 
-_PARTS = {
-    "command": Command,
-    "action": Action,
-    "body": Body,
-    "fall": Fall,
-    "phase": Phase,
-    "physics": Physics,
-}
+_PARTS = {part.__name__.lower(): part for part in (Command, Action, Body, Fall, Phase, Physics)}
 _OPTIONAL = {"phase": None, "physics": Physics()}
 
 
@@ -107,11 +90,11 @@ class Walker:
 
         Args:
             path: of the JSON file, or a name of `NAMES`. Paths in the file count from its folder;
-                ``$NAME`` stands for an environment variable.
+                ``$NAME`` is an environment variable.
 
         Raises:
             InvalidInputError: if a key is missing, unknown or malformed, or numbers do not fit.
-            RobotModelError: if the MJCF or the network is not there or not what the contract says.
+            RobotModelError: if the MJCF or the network is missing or does not fit the contract.
             MissingDependencyError: if the network needs the extra `walkers`.
         """
         file = _find(path)
@@ -124,8 +107,8 @@ class Walker:
 
     @property
     def response_file(self) -> Path:
-        """Where what `hcbf identify` measures stands."""
-        return response_file(self.source)
+        """Where `hcbf identify` writes the response: beside the contract."""
+        return _response_file(self.source)
 
     @property
     def files(self) -> list[Path]:
@@ -135,7 +118,7 @@ class Walker:
         return sorted(file for file in files if file.is_file())
 
     def spec(self) -> tuple[mujoco.MjSpec, Parts]:
-        """Return the robot alone as the contract asks for it, and the names of its parts."""
+        """Return the robot alone, as the contract changes it, and the names of its parts."""
         sensors = sensors_of(self.observation)
         spec, parts = walker_spec(self.mjcf, self.body, self.action, self.physics, sensors)
         add_touch_sensors(spec, self.observation)
@@ -157,12 +140,7 @@ class Walker:
         return spread("action: scale", self.action.scale, len(parts.actuators))
 
     def offset(self, parts: Parts, at: Integers) -> Array:
-        """Return (k,) what is added to it: home, or nothing.
-
-        Args:
-            parts: names of the robot's parts.
-            at: (k,) of the driven joints in qpos.
-        """
+        """Return (k,) what is added to it: home, or nothing; `at` (k,) are the joints in qpos."""
         if self.action.kind == "direct":
             return np.zeros(len(parts.actuators))
         return parts.home[at - 7]
@@ -173,14 +151,8 @@ class Walker:
         Args:
             sizes: n of the observation and k of the action.
             model: the compiled scene.
-
-        Raises:
-            HcbfError: if there is none, or it does not fit.
         """
-        return self._make(sizes)(model, self.period)
-
-    def _make(self, sizes: tuple[int, int]) -> walker_policy.Maker:
-        return walker_policy.make(self.policy, self.source.parent, sizes)
+        return walker_policy.make(self.policy, self.source.parent, sizes)(model, self.period)
 
     @cached_property
     def first_phase(self) -> Array:
@@ -231,33 +203,23 @@ class Walker:
             )
 
 
-def response_file(contract: Path) -> Path:
-    """Return where what `hcbf identify` measures of a contract's robot stands: beside it."""
+def _response_file(contract: Path) -> Path:
     return contract.with_suffix(".response.json")
 
 
 def _find(path: str | Path) -> Path:
-    """Return a contract's file.
-
-    Raises:
-        UnknownNameError: if a name is not known.
-        InvalidInputError: if there is no such file.
-    """
+    """Return a contract's file."""
     if not isinstance(path, str | Path):
         raise InvalidInputError(
             f"robot: got {shown(path)}, expected a contract's path or one of {list(NAMES)}"
         )
     if str(path) in NAMES:
         return NAMES[str(path)]
-    if str(path) == "a1":
-        raise UnknownNameError(
-            "unknown robot: got 'a1', which takes accelerations and no velocities, expected "
-            f"gym.make('HCBF-A1Regions-v0') for it, or a contract's path or one of {list(NAMES)}"
-        )
     if isinstance(path, str) and not path.endswith(".json"):
+        a1 = "; the A1, which takes accelerations, is 'HCBF-A1Regions-v0'" if path == "a1" else ""
         raise UnknownNameError(
             f"unknown robot: got {path!r}, expected a contract's path, which ends in .json, or one "
-            f"of {list(NAMES)}"
+            f"of {list(NAMES)}{a1}"
         )
     file = Path(_expanded("robot", str(path)))
     if not file.is_file():
@@ -289,7 +251,7 @@ def _read(file: Path) -> Walker:
     period = finite_float(
         f"{what}: period", data["period"], minimum=0.0, maximum=SLOWEST_PERIOD, exclusive=True
     )
-    beside = response_file(file)
+    beside = _response_file(file)
     response = Response.load(beside) if beside.is_file() else None
     if response is not None:
         response.gains(len(values["command"].limits))  # fit
@@ -312,11 +274,7 @@ def _text(what: str, value: object) -> str:
 
 
 def _expanded(what: str, path: str) -> str:
-    """Return a path of the contract with its environment variables put in.
-
-    Raises:
-        RobotModelError: if one is not set.
-    """
+    """Return a path of the contract with its environment variables put in."""
     try:
         return records.expanded(what, path)
     except InvalidInputError as error:

@@ -10,7 +10,7 @@ The heading is the one at which the command will show, ``θ + ω (τ + δ)``: el
 carry the robot aside. What exceeds the command's limits is scaled down as a whole, so that the
 direction stays.
 
-A robot that moves in every direction is told to turn no faster than its velocity can follow, by
+A robot that moves in every direction is commanded to turn no faster than its velocity can follow,
 
 .. math:: |ω| ≤ \min(0.25 / (\max(1, v) (τ + δ + T)), a / (2 v)),
 
@@ -27,8 +27,7 @@ from hcbf_gym.arrays import Array
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import LEAST_GAIN, MOST_GAIN, UNKNOWN, Response
 
-TURNING = 2.0
-"""Gain of the heading's loop [1/s]."""
+TURNING = 2.0  # gain of the heading's loop [1/s]
 HEADING_STARTS, HEADING_STOPS = _core.HEADING_STARTS, _core.HEADING_STOPS
 """Speeds [m/s] above which the heading follows the velocity, and below which it is held."""
 
@@ -36,8 +35,7 @@ TURNED = 0.25
 """By how much a robot of 1 m/s that moves in any direction may turn in the time in which a command
 shows, and is held [rad]; a faster one by less. Its velocity is off by as much where it begins to
 turn, or to turn back: so its rate changes no faster than to that in the same time."""
-ROUND = 0.5
-"""Share of the robot's braking that a velocity may need which turns with its body."""
+ROUND = 0.5  # share of the robot's braking that a velocity may need which turns with its body
 
 
 class Adapter:
@@ -45,14 +43,14 @@ class Adapter:
 
     Args:
         command: limits of the command, and the rule of its heading.
-        response: how it follows; None takes it at its word, but where it turns by itself: it shows
-            at once there, or as late as is assumed.
+        response: how it follows; None takes commands as exact, but turns to the
+            heading as late as is assumed.
         able: the greatest acceleration that it has in every direction [m/s²].
         period: T, for which a command is held at most [s].
         heading: a name of `walker_parts.HEADINGS`; None takes the contract's.
 
     Attributes:
-        turn: the rate that is asked for where the heading is "free" [rad/s].
+        turn: the requested rate where the heading is "free" [rad/s].
     """
 
     def __init__(
@@ -91,18 +89,11 @@ class Adapter:
         self.rest()
 
     def rest(self, turns: float = 0.0) -> None:
-        """Go on from a rate that the robot was told last [rad/s]."""
+        """Continue from the rate that was commanded last [rad/s]."""
         self.turns = turns
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
-        """Return the command.
-
-        Args:
-            vx: of the model in the world [m/s].
-            vy: of the model in the world [m/s].
-            yaw: the robot's heading [rad].
-            rate: at which it turns [rad/s].
-        """
+        """Return the command for a velocity in the world [m/s], a heading [rad] and its rate."""
         soon = yaw + rate * self._follows
         cos, sin = math.cos(soon), math.sin(soon)
         ahead, aside = cos * vx + sin * vy, cos * vy - sin * vx
@@ -123,12 +114,12 @@ class Adapter:
     def _turn(self, vx: float, vy: float, yaw: float) -> float:
         """Return the turning rate [rad/s]."""
         most, sooner = self._turns_at_most, self._turns_sooner
-        turn = min(max(self._asked(vx, vy, yaw), -most), most)
+        turn = min(max(self._requested(vx, vy, yaw), -most), most)
         self.turns += min(max(turn - self.turns, -sooner), sooner)
         return self.turns
 
-    def _asked(self, vx: float, vy: float, yaw: float) -> float:
-        """Return the turning rate that is asked for [rad/s]."""
+    def _requested(self, vx: float, vy: float, yaw: float) -> float:
+        """Return the requested turning rate [rad/s]."""
         if self._heading == "free":
             return self.turn
         if self._heading == "velocity":

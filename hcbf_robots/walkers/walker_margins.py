@@ -18,39 +18,29 @@ from hcbf_gym.models.plant import Uncertainty
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response
 
-LEAST_DISTANCE = 0.02
-"""What rows reserve for any robot [m]."""
-LEAST_SPEED = 0.05
-"""What a speed limit reserves for any robot [m/s]."""
+LEAST_DISTANCE = 0.02  # what rows reserve for any robot [m]
+LEAST_SPEED = 0.05  # what a speed limit reserves for any robot [m/s]
 BEYOND = 1.1
 """Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
 SETTLES = 0.7
 """1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
-a long turn, the robot settles nearer than its row says."""
-FARTHER = 1.25
-"""Of τ + δ + T that the body is taken to go on with a velocity error."""
-MOST = 0.25
-"""What the tracking error may add to a row [m]."""
-SOONER = 4.0
-"""How often what a late body goes on, beyond its margin, is added to the way in which it stops."""
+a long turn, the robot settles nearer than its row requires."""
+FARTHER = 1.25  # of τ + δ + T that the body continues with a velocity error
+MOST = 0.25  # what the tracking error may add to a row [m]
+SOONER = 4.0  # how often a late body's path beyond its margin is added to its stopping distance
 LATEST_OF_POINT, LATEST_OF_AXLE = 0.4, 0.5
 """τ + δ from which on robots have entered what they drove straight at [s], such as move in every
 direction by up to 3 cm at .3 m/s, differential drives by 1 cm at .5 m/s and 14 cm at 1.5 m/s."""
-OVERSHOOT = 0.3
-"""Share of the velocity error that a speed limit reserves."""
+OVERSHOOT = 0.3  # share of the velocity error that a speed limit reserves
 
 
 def uncertainty(response: Response, period: float) -> Uncertainty:
     """Return what rows must reserve for a robot, from how it follows.
 
-    A body that is faster towards a region than its command goes on for ``τ + δ + T``. One that
+    A body that is faster towards a region than its command continues for ``τ + δ + T``. One that
     stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
-    at h = m − (1/α₁' + 1/α₂') e. What sways beside the model while it follows is
-    reserved in any case.
-
-    Args:
-        response: of the robot.
-        period: T, between two inputs [s].
+    at h = m − (1/α₁' + 1/α₂') e. Its residual while it follows is reserved in any case. T is the
+    period between two inputs [s].
     """
     follows = response.follows
     _, often, _ = response.residual
@@ -68,10 +58,10 @@ def margins(response: Response, period: float, robot: str, more: float = 0.0) ->
     """Return `uncertainty`, and no less than a certificate of the robot found that it needs.
 
     Args:
-        response: as `uncertainty` takes it.
-        period: as `uncertainty` takes it.
-        robot: what certificates call it, see `certificates.robot_of`.
-        more: what rows [m] and the speed limit [m/s] reserve besides the law's.
+        response: of the robot.
+        period: T [s].
+        robot: its identity, see `certificates.robot_of`.
+        more: added to what rows [m] and the speed limit [m/s] reserve.
     """
     law = uncertainty(response, period)
     law = law._replace(distance=law.distance + more, speed=law.speed + more)
@@ -81,13 +71,8 @@ def margins(response: Response, period: float, robot: str, more: float = 0.0) ->
 def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tuple[float, bool]:
     """Return the cap on the speed [m/s], and whether nothing but the robot's motors sets it.
 
-    Args:
-        command: what the robot may be commanded.
-        v_max: as the user gave it [m/s].
-        scene: what the scene has [m/s], of any robot.
-
     Raises:
-        InvalidInputError: if the user's is more than the robot may be commanded.
+        InvalidInputError: if the user's `v_max` is more than the robot may be commanded.
     """
     most = command.forward
     if v_max is None:
@@ -105,12 +90,8 @@ def speed_row(cap: float, reserved: float, is_own: bool) -> float:
     """Return v_max of the row of the speed limit [m/s].
 
     Where the robot's own motors cap its speed, the row counts by what they exceed the greatest
-    command, ``v_max = m + √(m² + cap²)``, so that it leaves the model that command.
-
-    Args:
-        cap: on the speed [m/s].
-        reserved: m, what the row reserves [m/s].
-        is_own: whether the robot's own motors set it.
+    command, ``v_max = m + √(m² + cap²)``, so that it leaves the model that command. m is what the
+    row reserves [m/s].
 
     Raises:
         InvalidInputError: if the row leaves no speed.
@@ -127,13 +108,7 @@ def speed_row(cap: float, reserved: float, is_own: bool) -> float:
 
 
 def warn_of_standing(cap: float, known: Uncertainty, response: Response) -> None:
-    """Warn of a cap that leaves nothing at the error at which a robot usually follows.
-
-    Args:
-        cap: on the speed [m/s].
-        known: what rows reserve.
-        response: of the robot, measured or assumed.
-    """
+    """Warn of a cap [m/s] that leaves nothing at the error at which a robot usually follows."""
     usual = known.speed + known.speed_per_velocity * response.residual[0]
     if not leaves_speed(cap, usual):
         warn_caller(
@@ -146,12 +121,7 @@ def warn_of_standing(cap: float, known: Uncertainty, response: Response) -> None
 
 
 def warn_of_lateness(command: Command, response: Response) -> None:
-    """Warn of a robot that follows later than any that stayed outside.
-
-    Args:
-        command: of the robot.
-        response: of the robot, as it was measured or typed.
-    """
+    """Warn of a robot that follows later than any that stayed outside."""
     latest = LATEST_OF_POINT if command.look_ahead is None else LATEST_OF_AXLE
     if response.follows >= latest:
         warn_caller(
@@ -163,12 +133,7 @@ def warn_of_lateness(command: Command, response: Response) -> None:
 
 
 def braked(input_set: InputSet, response: Response) -> InputSet:
-    """Return U, shrunk until the robot brakes as hard: no input is larger than that.
-
-    Args:
-        input_set: of the scene.
-        response: of the robot.
-    """
+    """Return U, shrunk until the robot brakes as hard: no input is larger than that."""
     share = response.braking / input_set.radius
     return input_set if share >= 1.0 else input_set.scaled(share)
 
@@ -176,17 +141,13 @@ def braked(input_set: InputSet, response: Response) -> InputSet:
 def stops(response: Response, speed: float, input_set: InputSet) -> float | None:
     """Return the deceleration with which a body stops that follows τ + δ later [m/s²].
 
-    It is None where its margin has room for what it goes on meanwhile.
+    It is None where its margin has room for its path meanwhile.
 
-    Until a body of the speed v slows down it goes on by v (τ + δ). Its margin grows by c a (τ + δ),
+    Until a body of the speed v slows down it moves by v (τ + δ). Its margin grows by c a (τ + δ),
     and by `cap` at most, as the model brakes with a: no sooner than the lag itself, when U has no
-    more. So what lies beyond that, ``x = (τ + δ) v − min(cap, c a (τ + δ))``, is taken from the
-    braking `SOONER` times: ``v² / (2 a) + SOONER x = v² / (2 stops)``.
-
-    Args:
-        response: of the robot.
-        speed: v, the greatest that it is told [m/s].
-        input_set: U, which brakes with a.
+    more. So the rest of its path, ``x = (τ + δ) v − min(cap, c a (τ + δ))``, is taken from the
+    braking `SOONER` times: ``v² / (2 a) + SOONER x = v² / (2 stops)``. v is the greatest speed that
+    it is commanded [m/s].
     """
     able, follows = (1.0 - braking.RESERVE) * braking.weakest(input_set), response.follows
     beyond = max(0.0, follows * speed - min(MOST, SETTLES * able * follows))
@@ -198,13 +159,8 @@ def stops(response: Response, speed: float, input_set: InputSet) -> float | None
 def axle_of(command: Command, response: Response, input_set: InputSet, v_max: float) -> Axle | None:
     """Return what limits a differential drive; None of a robot that moves in every direction.
 
-    Its rectangle of inputs turns with the heading, and lies in the largest ball within U.
-
-    Args:
-        command: what the robot may be commanded.
-        response: of it.
-        input_set: U.
-        v_max: the cap on its speed [m/s].
+    Its rectangle of inputs turns with the heading, and lies in the largest ball within U. `v_max`
+    is the cap on its speed [m/s].
     """
     if command.look_ahead is None:
         return None

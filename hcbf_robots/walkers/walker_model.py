@@ -1,4 +1,4 @@
-"""A walker's MJCF as the contract asks for it: checked, its actuators found by name."""
+"""A walker's MJCF as the contract changes it: checked, its actuators found by name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,58 +11,39 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, RobotModelError
 from hcbf_gym.models.constants import GRAVITY
-from hcbf_gym.robots.reader import check_alone, compile_spec, load_spec
+from hcbf_gym.robots.reader import actuator_limit, check_alone, compile_spec, load_spec
 from hcbf_robots.walkers.walker_parts import Action, Body, Physics, spread
 
 _DRIVEN = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_VISIBLE_GROUPS = 3
-"""Groups of geoms that MuJoCo draws by itself."""
+_VISIBLE_GROUPS = 3  # groups of geoms that MuJoCo draws
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Names in the file, as the contract or the file orders them.
+    """Names in the file, as the contract or the file orders them."""
 
-    Attributes:
-        trunk: the body that floats.
-        joints: the driven joints in the order of the controller's output; empty where actuators
-            drive none.
-        actuators: in the order of the controller's output.
-        home: (j,) of every hinge and slide in the file's order [rad].
-    """
-
-    trunk: str
+    trunk: str  # the body that floats
+    # the driven joints in the order of the controller's output; empty where actuators drive none
     joints: tuple[str, ...]
-    actuators: tuple[str, ...]
-    home: Array
+    actuators: tuple[str, ...]  # in the order of the controller's output
+    home: Array  # (j,) of every hinge and slide in the file's order [rad]
 
 
 @dataclass(frozen=True)
 class Indices:
-    """Where a compiled scene has what the controller reads and drives.
+    """Where a compiled scene has what the controller reads and drives."""
 
-    Attributes:
-        q: (k,) of the driven joints in qpos.
-        rate: (k,) of them in qvel.
-        ctrl: (k,) of the actuators in ctrl.
-    """
-
-    q: Integers
-    rate: Integers
-    ctrl: Integers
+    q: Integers  # (k,) of the driven joints in qpos
+    rate: Integers  # (k,) of them in qvel
+    ctrl: Integers  # (k,) of the actuators in ctrl
 
 
 def walker_spec(
     mjcf: Path, body: Body, action: Action, physics: Physics, sensors: set[str]
 ) -> tuple[mujoco.MjSpec, Parts]:
-    """Return the robot alone as the contract asks for it, and the names of its parts.
+    """Return the robot alone, as the contract changes it, and the names of its parts.
 
-    Args:
-        mjcf: the file.
-        body: which body floats.
-        action: what is driven, and how.
-        physics: what is not as the file says.
-        sensors: names of those that are read; the others are left out, as each costs time.
+    Of the file's sensors those that are not read are left out, as each costs time.
 
     Raises:
         RobotModelError: if the file cannot be read, is no single robot that floats, or lacks a
@@ -191,31 +172,20 @@ def _home(model: mujoco.MjModel, action: Action, joints: tuple[str, ...]) -> Arr
 def _set_physics(spec: mujoco.MjSpec, physics: Physics, joints: tuple[str, ...]) -> None:
     option = spec.option
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a divergence is reported
-    if physics.timestep is not None:
-        option.timestep = physics.timestep
     if physics.cone is not None:
-        elliptic = physics.cone == "elliptic"
-        cones = mujoco.mjtCone
-        option.cone = cones.mjCONE_ELLIPTIC if elliptic else cones.mjCONE_PYRAMIDAL
-    if physics.impratio is not None:
-        option.impratio = physics.impratio
+        option.cone = getattr(mujoco.mjtCone, f"mjCONE_{physics.cone.upper()}")
+    _set(option, physics, ("timestep", "impratio"))
     for name in joints:
-        joint = spec.joint(name)
-        if physics.armature is not None:
-            joint.armature = physics.armature
-        if physics.damping is not None:
-            joint.damping = _filled(joint.damping, physics.damping)
-        if physics.frictionloss is not None:
-            joint.frictionloss = physics.frictionloss
+        _set(spec.joint(name), physics, ("armature", "damping", "frictionloss"))
 
 
-def _filled(before: Any, value: float) -> Any:
-    """Return the value in the form in which MuJoCo had it: a number, or an array led by it."""
-    if np.ndim(before) == 0:
-        return value
-    after = np.zeros_like(before)
-    after[0] = value
-    return after
+def _set(element: Any, physics: Physics, names: tuple[str, ...]) -> None:
+    """Set attributes to the contract's values; where MuJoCo has an array, its first entry."""
+    for name in names:
+        value, before = getattr(physics, name), getattr(element, name)
+        if value is not None:
+            one = np.ndim(before) == 0
+            setattr(element, name, value if one else np.eye(1, len(before))[0] * value)
 
 
 def _add_servos(
@@ -240,25 +210,18 @@ def _add_servos(
 
 
 def _limit(model: mujoco.MjModel, name: str) -> float:
-    """Return what a joint's actuator gives at most [N·m]; infinite where the file does not say."""
+    """Return what a joint's actuator gives at most [N·m]; infinite where the file has no limit."""
     joint = model.joint(name).id
     drives = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
         model.actuator_trnid[:, 0] == joint
     )
-    actuator = int(np.flatnonzero(drives)[0])
-    gear = abs(model.actuator_gear[actuator, 0])
-    if model.actuator_forcelimited[actuator]:
-        return float(gear * np.abs(model.actuator_forcerange[actuator]).min())
-    motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-    if motor and model.actuator_ctrllimited[actuator]:
-        gain = abs(model.actuator_gainprm[actuator, 0])
-        return float(gear * gain * np.abs(model.actuator_ctrlrange[actuator]).min())
-    return np.inf  # a joint's own actuatorfrcrange holds anyhow
+    return actuator_limit(
+        model, int(np.flatnonzero(drives)[0])
+    )  # its actuatorfrcrange holds anyhow
 
 
 def _show(spec: mujoco.MjSpec) -> None:
     """Draw what collides where the file has no meshes to be drawn."""
-    drawn = [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]
-    if not drawn:
+    if not any(geom.type == mujoco.mjtGeom.mjGEOM_MESH for geom in spec.geoms):
         for geom in spec.geoms:
             geom.group = min(geom.group, _VISIBLE_GROUPS - 1)

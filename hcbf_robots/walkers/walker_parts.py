@@ -13,21 +13,12 @@ from hcbf_gym.errors import InvalidInputError, choose, finite_array, finite_floa
 HEADINGS = {
     "velocity": "along the velocity",
     "fixed": "as at the start",
-    "free": "as the turn asks that is set from outside",
+    "free": "by a rate that is set from outside",
 }
-"""What the adapter's own loop does with the heading."""
-
-KINDS = {"position": "home + scale × action", "direct": "scale × action"}
-"""What an actuator is given."""
-
+KINDS = {"position": "home + scale × action", "direct": "scale × action"}  # an actuator's input
 CONES = ("pyramidal", "elliptic")
 
-SLOWEST_PERIOD = 0.2
-"""Of a controller [s]."""
-
-
-MOST = 20.0
-"""Of what a robot may be commanded [m/s, rad/s, m]: beyond, the numbers are cm/s or degrees."""
+MOST = 20.0  # of a command [m/s, rad/s, m]: beyond, the numbers are cm/s or degrees
 
 
 @dataclass(frozen=True)
@@ -76,11 +67,7 @@ class Command:
         choose("heading", self.heading, HEADINGS)
 
     def in_plane(self, command: Array) -> Array:
-        """Return (…, 2) the velocities of the point that follows, in the robot's axes [m/s].
-
-        Args:
-            command: (…, k) as the controller takes them.
-        """
+        """Return (…, 2) the velocity of the point that follows, of commands (…, k), in its axes."""
         if self.look_ahead is None:
             return command[..., :2]
         return command * np.array([1.0, self.look_ahead])
@@ -146,15 +133,10 @@ class Action:
 
 @dataclass(frozen=True)
 class Phase:
-    """A clock that walks with the robot, φ_i = start_i + 2π f t.
+    """A clock that walks with the robot, φ_i = start_i + 2π f t."""
 
-    Args:
-        frequency: f [Hz], positive.
-        start: (k,) of every foot at the start [rad].
-    """
-
-    frequency: float
-    start: tuple[float, ...] = (0.0,)
+    frequency: float  # f [Hz], positive
+    start: tuple[float, ...] = (0.0,)  # (k,) of every foot at the start [rad]
 
     def __post_init__(self) -> None:
         finite_float("phase: frequency", self.frequency, minimum=0.0, maximum=100.0, exclusive=True)
@@ -164,15 +146,10 @@ class Phase:
 
 @dataclass(frozen=True)
 class Fall:
-    """When the robot counts as fallen.
+    """When the robot counts as fallen."""
 
-    Args:
-        height: of the trunk's origin below which it has [m].
-        tilt: of the trunk's vertical axis above which it has [rad].
-    """
-
-    height: float
-    tilt: float = 1.0
+    height: float  # of the trunk's origin below which it has [m]
+    tilt: float = 1.0  # of the trunk's vertical axis above which it has [rad]
 
     def __post_init__(self) -> None:
         finite_float("fall: height", self.height, minimum=0.0, maximum=100.0)
@@ -181,25 +158,15 @@ class Fall:
 
 @dataclass(frozen=True)
 class Physics:
-    """How the file is simulated, where that is not as it says.
+    """How the file is simulated; None takes what it has."""
 
-    Args:
-        timestep: [s]; None takes the file's.
-        friction: of the floor, which decides alone.
-        cone: of the contacts, "pyramidal" or "elliptic"; None takes the file's.
-        impratio: of the contacts; None takes the file's.
-        armature: of every driven joint [kg·m²]; None takes the file's.
-        damping: of every driven joint [N·m·s/rad]; None takes the file's.
-        frictionloss: of every driven joint [N·m]; None takes the file's.
-    """
-
-    timestep: float | None = None
-    friction: float = 0.6
-    cone: str | None = None
-    impratio: float | None = None
-    armature: float | None = None
-    damping: float | None = None
-    frictionloss: float | None = None
+    timestep: float | None = None  # [s]; None takes the file's
+    friction: float = 0.6  # of the floor, which decides alone
+    cone: str | None = None  # of the contacts, "pyramidal" or "elliptic"; None takes the file's
+    impratio: float | None = None  # of the contacts; None takes the file's
+    armature: float | None = None  # of every driven joint [kg·m²]; None takes the file's
+    damping: float | None = None  # of every driven joint [N·m·s/rad]; None takes the file's
+    frictionloss: float | None = None  # of every driven joint [N·m]; None takes the file's
 
     def __post_init__(self) -> None:
         finite_float("physics: friction", self.friction, minimum=0.0, maximum=10.0, exclusive=True)
@@ -239,11 +206,7 @@ class Body:
 
 
 def names(what: str, value: object) -> tuple[str, ...]:
-    """Return a list of different names as a tuple.
-
-    Raises:
-        InvalidInputError: if it is none.
-    """
+    """Return a list of different names as a tuple, or raise InvalidInputError."""
     listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
     if not listed or not all(isinstance(name, str) and name for name in listed):
         raise InvalidInputError(f"{what}: got {value!r}, expected a list of names")
@@ -253,11 +216,7 @@ def names(what: str, value: object) -> tuple[str, ...]:
 
 
 def numbers(what: str, value: object) -> tuple[float, ...]:
-    """Return a number or a list of numbers as a tuple; one stands for all.
-
-    Raises:
-        InvalidInputError: if it is neither.
-    """
+    """Return numbers, or one for all, as a tuple, or raise InvalidInputError."""
     listed = isinstance(value, list | tuple | np.ndarray)
     array = finite_array(what, value if listed else [value], (None,), largest=1e6)
     if not array.size:
@@ -266,11 +225,7 @@ def numbers(what: str, value: object) -> tuple[float, ...]:
 
 
 def spread(what: str, values: tuple[float, ...], count: int) -> Array:
-    """Return (count,) numbers: as many as there are, or one for all.
-
-    Raises:
-        InvalidInputError: if there are neither one nor `count`.
-    """
+    """Return (count,) numbers of as many, or of one for all, or raise InvalidInputError."""
     if len(values) not in (1, count):
         raise InvalidInputError(f"{what}: got {len(values)} numbers, expected 1 or {count}")
     return np.broadcast_to(np.array(values), count).copy()

@@ -15,21 +15,12 @@ class Controller(Protocol):
     """What turns an observation into an action; one is made for every episode."""
 
     def __call__(self, observation: Array) -> Array:
-        """Return (k,) the action.
-
-        Args:
-            observation: (n,) as the contract lists it; the caller writes the next one there.
-        """
+        """Return (k,) the action."""
         ...
 
 
 Maker = Callable[[mujoco.MjModel, float], Controller]
 """(the compiled scene, the controller's period [s]) → a controller for one episode."""
-
-
-def is_network(policy: str) -> bool:
-    """Return whether a contract's policy is a network rather than a function."""
-    return policy.endswith(".onnx")
 
 
 def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
@@ -45,7 +36,7 @@ def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
         RobotModelError: if there is no such network, or it has other shapes.
         InvalidInputError: if there is no such module, file or function.
     """
-    if is_network(policy):
+    if policy.endswith(".onnx"):
         try:
             network = loading.Network(folder / policy, sizes)
         except InvalidInputError as error:
@@ -60,13 +51,10 @@ def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
 
 
 def files(policy: str, folder: Path) -> list[Path]:
-    """Return the files of a controller: its network, or its module with what of it is no package's.
-
-    Args:
-        policy: as `make` takes it.
-        folder: from which a relative path counts.
-    """
-    return [folder / policy] if is_network(policy) else loading.files(_beside(policy, folder))
+    """Return the files of a controller: its network, or its module's; arguments as `make` has."""
+    if policy.endswith(".onnx"):
+        return [folder / policy]
+    return loading.files(_beside(policy, folder))
 
 
 def _beside(policy: str, folder: Path) -> str:

@@ -4,24 +4,21 @@ In the robot's own axes, axis by axis,
 
 .. math:: τ \dot v = g\, c(t - δ) - v + w,
 
-with the command c, the gain g, the time constant τ, the delay δ, and what is left, w: sway, slip,
-noise. `hcbf identify` measures these numbers.
+with the command c, the gain g, the time constant τ, the delay δ, and the residual w: a gait's
+oscillation, slip, noise. `hcbf identify` measures these numbers.
 """
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_robots.walkers.walker_parts import Command
 
-LASTING = 4.0
-"""Over which sway has averaged out [s]."""
-LEAST_GAIN = 0.5
-"""A robot that gives less of the commanded speed does not follow."""
-MOST_GAIN = 1.5
-"""A gain beyond is taken for an error of measurement."""
+LASTING = 4.0  # over which the residual has averaged out [s]
+LEAST_GAIN = 0.5  # a robot that gives less of the commanded speed does not follow
+MOST_GAIN = 1.5  # a gain beyond is taken for an error of measurement
 
 
 @dataclass(frozen=True)
@@ -33,17 +30,17 @@ class Response:
         time_constant: τ of the slowest axis of the velocity [s].
         delay: δ of that axis [s].
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
-        sway: what position deviates at most from the model's in 99.9 % of the time, over the time
+        deviation: of positions from the model's, at most in 99.9 % of the time, over the time
             that the model takes to follow [m].
         overshoot: by how much the speed of the fast robot exceeds all commands within a
             second, in 99.9 % of the time [m/s].
         rise: from 10 to 90 % of a step of the speed [s].
-        stopping: how far the robot goes on after the command has become zero [m].
+        stopping: how far the robot moves after the command has become zero [m].
         braking: deceleration of such a stop, from 90 to 10 % of the speed [m/s²].
         falls: how often it fell meanwhile.
         seconds: how long it was observed [s].
         lasting: mean of w over `LASTING` in 99.9 % of the time, beyond a share of the motion:
-            what of it does not average out [m/s]; None if nobody has measured it.
+            the part that does not average out [m/s]; None if it is unmeasured.
 
     Raises:
         InvalidInputError: on a number out of range.
@@ -53,7 +50,7 @@ class Response:
     time_constant: float = 0.3
     delay: float = 0.1
     residual: tuple[float, float, float] = (0.1, 0.2, 0.3)
-    sway: float = 0.05
+    deviation: float = 0.05
     overshoot: float = 0.2
     rise: float = 0.7
     stopping: float = 0.5
@@ -73,23 +70,15 @@ class Response:
                 "and none below the one before"
             )
         for name in (
-            "time_constant",
-            "delay",
-            "sway",
-            "overshoot",
-            "rise",
-            "stopping",
-            "falls",
-            "seconds",
+            field.name for field in fields(self) if field.name not in ("gain", "residual")
         ):
-            finite_float(f"response: {name}", getattr(self, name), minimum=0.0)
-        finite_float("response: braking", self.braking, minimum=0.0, exclusive=True)
-        if self.lasting is not None:
-            finite_float("response: lasting", self.lasting, minimum=0.0)
+            value = getattr(self, name)
+            if name != "lasting" or value is not None:
+                finite_float(f"response: {name}", value, minimum=0.0, exclusive=name == "braking")
 
     @classmethod
     def load(cls, path: Path) -> "Response":
-        """Read what was measured from a file.
+        """Read a response's JSON file.
 
         Raises:
             InvalidInputError: if it cannot be read.
@@ -99,16 +88,13 @@ class Response:
         return records.build(f"response ({path})", cls, data)
 
     def save(self, path: Path) -> None:
-        """Write what was measured to a file, in one move."""
+        """Write a JSON file, atomically."""
         records.make_folder(path.parent)
         with records.whole(path) as partial:
             partial.write_text(json.dumps(records.plain(asdict(self)), indent=2) + "\n", "utf-8")
 
     def gains(self, count: int) -> tuple[float, ...]:
-        """Return g of each entry of a command.
-
-        Args:
-            count: how many entries it has.
+        """Return g of each of the `count` entries of a command.
 
         Raises:
             InvalidInputError: if there is another number of gains.
@@ -128,30 +114,26 @@ class Response:
     @property
     def complaints(self) -> list[str]:
         """Where the robot does not follow, a sentence for each; empty where it does."""
-        said = [
-            f"entry {k} of the command: the robot gives {gain:.2f} of what it is told"
+        found = [
+            f"entry {k} of the command: the robot gives {gain:.2f} of it"
             + (", against its sign" if gain < 0.0 else "")
             for k, gain in enumerate(self.gain)
             if not LEAST_GAIN <= gain <= MOST_GAIN
         ]
         if self.falls:
-            said.append(f"the robot fell {self.falls} times in {self.seconds:g} s")
-        return said
+            found.append(f"the robot fell {self.falls} times in {self.seconds:g} s")
+        return found
 
 
-UNKNOWN = Response()
-"""What is assumed of a robot of 1 m/s that nobody has measured: it is slow, and it sways."""
+UNKNOWN = Response()  # assumed of an unmeasured robot of 1 m/s: it is slow, and oscillates
 
 
 def assumed(command: Command) -> Response:
-    """Return what is assumed of a robot that nobody has measured, by what it may be told.
+    """Return what is assumed of an unmeasured robot, by the limits of its commands.
 
-    Of `UNKNOWN`, what is a speed or a way grows with the greatest speed. A slow robot on wheels has
-    less of both; one that also moves sideways may have legs, which sway as much when they are slow:
+    Speeds and paths of `UNKNOWN` grow with the greatest speed. A slow robot on wheels has less of
+    both; one that also moves sideways may have legs, which oscillate as much when they are slow:
     its overshoot alone is less.
-
-    Args:
-        command: what the robot may be told.
     """
     share = command.fastest
     moves = share if command.look_ahead is not None else max(1.0, share)
@@ -159,7 +141,7 @@ def assumed(command: Command) -> Response:
     return replace(
         UNKNOWN,
         residual=(moves * half, moves * often, moves * almost),
-        sway=moves * UNKNOWN.sway,
+        deviation=moves * UNKNOWN.deviation,
         overshoot=share * UNKNOWN.overshoot,
         stopping=moves * UNKNOWN.stopping,
     )

@@ -1,21 +1,4 @@
-"""What a walker's controller observes, as named terms in a list.
-
-| term | entries | meaning |
-|---|---|---|
-| `sensor` | as the sensor has | a sensor of the file, by its `name` |
-| `gravity` | 3 | direction of gravity in the axes of a `site`, or of the trunk |
-| `linear_velocity` | 3 | of the trunk's origin, in its own axes [m/s] |
-| `angular_velocity` | 3 | of the trunk, in its own axes [rad/s] |
-| `joints` | k | positions of the driven joints minus home [rad] |
-| `rates` | k | their velocities [rad/s] |
-| `last_action` | k | the controller's last output |
-| `command` | 2, 3 | (v, ω) or (v_x, v_y, ω) [m/s, rad/s] |
-| `phase` | 2 k | cosines of the clock's phases, then their sines |
-| `state` | nq + nv | MuJoCo's qpos and qvel of the robot |
-| `contacts` | k | 1 where one of the `bodies` is touched by 5 N or more |
-
-A one of your own is a function and a name in `TERMS`.
-"""
+"""What a walker's controller observes, as named terms in a list; `TERMS` takes your own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,63 +8,43 @@ import mujoco
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
 from hcbf_robots.walkers.walker_model import Indices, Parts, as_slice
 from hcbf_robots.walkers.walker_parts import names, numbers, spread
 
-Write = Callable[[Array], None]
-
-TOUCH = 5.0
-"""Force from which on a body counts as touched [N]."""
+TOUCH = 5.0  # force from which on a body counts as touched [N]
 
 
 class Source(NamedTuple):
-    """What terms read.
+    """What terms read."""
 
-    Attributes:
-        model: the compiled scene.
-        data: its state.
-        parts: names of the robot's parts.
-        at: where the scene has them.
-        command: (c,) what the controller is told now.
-        last_action: (k,) its last output.
-        phase: (p,) the clock's phases now [rad].
-    """
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    parts: Parts
-    at: Indices
-    command: Array
-    last_action: Array
-    phase: Array
+    model: mujoco.MjModel  # the compiled scene
+    data: mujoco.MjData  # its state
+    parts: Parts  # names of the robot's parts
+    at: Indices  # where the scene has them
+    command: Array  # (c,) the controller's, now
+    last_action: Array  # (k,) its last output
+    phase: Array  # (p,) the clock's phases now [rad]
 
 
-Options = Mapping[str, Any]
-"""What a term asks for besides its name and scale."""
+Options = Mapping[str, Any]  # of a term, besides its name and scale
 
 
 class Reading(NamedTuple):
     """One term, ready to be read: how many entries it has, and what writes them."""
 
     size: int
-    write: Write
+    write: Callable[[Array], object]
 
 
 @dataclass(frozen=True)
 class Term:
-    """One entry of a contract's observation.
+    """One entry of a contract's observation."""
 
-    Args:
-        term: a name of `TERMS`.
-        scale: of its entries, a number or one for each.
-        options: what this term asks for besides.
-    """
-
-    term: str
-    scale: tuple[float, ...]
-    options: Options
+    term: str  # a name of `TERMS`
+    scale: tuple[float, ...]  # of its entries, a number or one for each
+    options: Options  # of this term besides
 
 
 def read_terms(value: object) -> tuple[Term, ...]:
@@ -89,7 +52,6 @@ def read_terms(value: object) -> tuple[Term, ...]:
 
     Raises:
         InvalidInputError: if it is no list of terms, or an option is missing, unknown or malformed.
-        UnknownNameError: if there is no such term.
     """
     if not isinstance(value, Sequence) or isinstance(value, str) or not value:
         raise InvalidInputError(f"observation: got {value!r}, expected a list of terms")
@@ -122,11 +84,7 @@ def sensors_of(terms: Sequence[Term]) -> set[str]:
 
 
 def add_touch_sensors(spec: mujoco.MjSpec, terms: Sequence[Term]) -> None:
-    """Let the simulation report the net force on the bodies whose contacts are read.
-
-    Raises:
-        RobotModelError: if there is no such body.
-    """
+    """Add sensors of the net force on the bodies whose contacts are read, or raise an error."""
     have = [body.name for body in spec.bodies]
     for term in terms:
         for body in term.options.get("bodies", ()):
@@ -149,18 +107,11 @@ def _touch(body: str) -> str:
 
 
 class Observer:
-    """Writes an observation from the present state.
-
-    Args:
-        terms: in the order of the observation.
-        source: what they read.
+    """Writes an observation of `size` entries, term by term, from the present state.
 
     Raises:
-        RobotModelError: if a term names what the scene has not.
+        RobotModelError: if a term's part is not in the scene.
         InvalidInputError: if there are more scales than entries.
-
-    Attributes:
-        size: of the observation.
     """
 
     def __init__(self, terms: Sequence[Term], source: Source):
@@ -190,11 +141,7 @@ class Observer:
 
 def _copies(view: Array) -> Reading:
     """Return the reading of an array that is changed in place."""
-
-    def write(out: Array) -> None:
-        out[:] = view
-
-    return Reading(view.size, write)
+    return Reading(view.size, lambda out: np.copyto(out, view))
 
 
 def _sensor(s: Source, options: Options) -> Reading:
@@ -213,21 +160,13 @@ def _gravity(s: Source, options: Options) -> Reading:
                 f"gravity: got no site {options['site']!r}, expected among {sites}"
             )
         up = s.data.site_xmat[s.model.site(options["site"]).id][6:]
-
-    def write(out: Array) -> None:
-        np.negative(up, out)
-
-    return Reading(3, write)
+    return Reading(3, lambda out: np.negative(up, out))
 
 
 def _linear_velocity(s: Source, options: Options) -> Reading:
     rotation = s.data.xmat[s.model.body(s.parts.trunk).id].reshape(3, 3)
     velocity = s.data.qvel[:3]
-
-    def write(out: Array) -> None:
-        np.dot(velocity, rotation, out)
-
-    return Reading(3, write)
+    return Reading(3, lambda out: np.dot(velocity, rotation, out))
 
 
 def _angular_velocity(s: Source, options: Options) -> Reading:
@@ -235,31 +174,22 @@ def _angular_velocity(s: Source, options: Options) -> Reading:
 
 
 def _joints(s: Source, options: Options) -> Reading:
-    _need_joints(s, "joints")
-    at, home = as_slice(s.at.q), s.parts.home[s.at.q - 7]
-    qpos = s.data.qpos
-
-    def write(out: Array) -> None:
-        np.subtract(qpos[at], home, out)
-
-    return Reading(len(s.at.q), write)
+    at, home, qpos = _driven(s, "joints", s.at.q), s.parts.home[s.at.q - 7], s.data.qpos
+    return Reading(len(s.at.q), lambda out: np.subtract(qpos[at], home, out))
 
 
 def _rates(s: Source, options: Options) -> Reading:
-    _need_joints(s, "rates")
-    at, qvel = as_slice(s.at.rate), s.data.qvel
-
-    def write(out: Array) -> None:
-        out[:] = qvel[at]
-
-    return Reading(len(s.at.rate), write)
+    at, qvel = _driven(s, "rates", s.at.rate), s.data.qvel
+    return Reading(len(s.at.rate), lambda out: np.copyto(out, qvel[at]))
 
 
-def _need_joints(s: Source, term: str) -> None:
+def _driven(s: Source, term: str, at: Integers) -> Integers | slice:
+    """Return where the driven joints are; a slice is read faster."""
     if not s.parts.joints:
         raise InvalidInputError(
             f"observation: got {term!r} and no driven joints, expected action: joints"
         )
+    return as_slice(at)
 
 
 def _last_action(s: Source, options: Options) -> Reading:
@@ -285,12 +215,7 @@ def _phase(s: Source, options: Options) -> Reading:
 def _state(s: Source, options: Options) -> Reading:
     nq = 7 + len(s.parts.home)
     qpos, qvel = s.data.qpos[:nq], s.data.qvel[: nq - 1]
-
-    def write(out: Array) -> None:
-        out[:nq] = qpos
-        out[nq:] = qvel
-
-    return Reading(2 * nq - 1, write)
+    return Reading(2 * nq - 1, lambda out: np.concatenate((qpos, qvel), out=out))
 
 
 def _contacts(s: Source, options: Options) -> Reading:
@@ -312,16 +237,16 @@ class Kind(NamedTuple):
 
 
 TERMS: dict[str, Kind] = {
-    "sensor": Kind(_sensor, (("name",), ())),
-    "gravity": Kind(_gravity, ((), ("site",))),
-    "linear_velocity": Kind(_linear_velocity),
-    "angular_velocity": Kind(_angular_velocity),
-    "joints": Kind(_joints),
-    "rates": Kind(_rates),
-    "last_action": Kind(_last_action),
-    "command": Kind(_command),
-    "phase": Kind(_phase),
-    "state": Kind(_state),
-    "contacts": Kind(_contacts, (("bodies",), ())),
+    "sensor": Kind(_sensor, (("name",), ())),  # of the file, by its name
+    "gravity": Kind(_gravity, ((), ("site",))),  # (3,) its direction in a site's or trunk's axes
+    "linear_velocity": Kind(_linear_velocity),  # (3,) of the trunk's origin, in its axes [m/s]
+    "angular_velocity": Kind(_angular_velocity),  # (3,) of the trunk, in its axes [rad/s]
+    "joints": Kind(_joints),  # (k,) positions of the driven joints minus home [rad]
+    "rates": Kind(_rates),  # (k,) their velocities [rad/s]
+    "last_action": Kind(_last_action),  # (k,) the controller's last output
+    "command": Kind(_command),  # (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
+    "phase": Kind(_phase),  # (2k,) cosines of the clock's phases, then their sines
+    "state": Kind(_state),  # (nq + nv,) qpos and qvel of the robot
+    "contacts": Kind(_contacts, (("bodies",), ())),  # (k,) 1 where a body is touched by `TOUCH`
 }
 """name → what a controller may observe."""

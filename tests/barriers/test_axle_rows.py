@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from hcbf_gym import _core
 from hcbf_gym.barriers import LinearClassK, LogClassK, axle_rows
 from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 
 CARTS = (
@@ -34,7 +33,7 @@ def drawn(case, state):
     e, across = vectors(heading)
     x = np.concatenate([cart.look_ahead * e, v * e + cart.look_ahead * turning * across])
     u = np.empty((4, 2))
-    drives.corners(cart, x, heading, period, u)
+    _core.axle_corners(cart, x, heading, period, u)
     inside = u[0] + one * (u[1] - u[0]) + other * (u[3] - u[0])
     return cart, period, heading, v, turning, x, inside, vectors(side)[0]
 

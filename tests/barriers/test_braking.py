@@ -1,4 +1,4 @@
-"""Whether U can brake what the rows ask for, and what is said where it cannot."""
+"""Whether U can brake what the rows request, and what is reported where it cannot."""
 
 import gymnasium as gym
 import numpy as np
@@ -6,8 +6,8 @@ import pytest
 
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, SpeedLimit, braking
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.limits import check_limits
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
@@ -22,7 +22,7 @@ def held(alpha1, limit, gain=2.0):
     return RowSettings(alpha1, LinearClassK(gain), PERIOD, Box.symmetric(limit).radius)
 
 
-def test_the_logarithm_asks_most_at_phi1_and_a_linear_function_the_more_the_faster():
+def test_the_logarithm_requests_most_at_phi1_and_a_linear_function_the_more_the_faster():
     paper = LogClassK()
     assert braking.requested(RowSettings()) == pytest.approx(
         paper.phi1**2 * paper.phi2 / (paper.phi3 * np.e)
@@ -31,14 +31,14 @@ def test_the_logarithm_asks_most_at_phi1_and_a_linear_function_the_more_the_fast
     assert braking.requested(linear, fastest=0.8) == pytest.approx(3.0 * 0.8)
 
 
-def test_half_the_logarithm_asks_for_a_quarter():
+def test_half_the_logarithm_requests_a_quarter():
     half = RowSettings(LogClassK().scaled(0.5))
     assert braking.requested(half) == pytest.approx(0.25 * braking.requested(RowSettings()))
 
 
 @pytest.mark.parametrize("gain", [0.5, 2.0, 20.0])
 @pytest.mark.parametrize("limit", [0.5, 5.0])
-def test_no_held_row_of_a_region_asks_for_more_than_that_where_psi_is_not_negative(limit, gain):
+def test_no_held_row_of_a_region_requests_more_than_that_where_psi_is_not_negative(limit, gain):
     settings = held(LogClassK(), limit, gain)
     rng = np.random.default_rng(0)
     n = 4000
@@ -58,7 +58,7 @@ def test_no_held_row_of_a_region_asks_for_more_than_that_where_psi_is_not_negati
 @pytest.mark.parametrize(
     "input_set", [Box.symmetric(0.5), Ball(1.0), Box([-0.7, -9.0], [9.0, 9.0])]
 )
-def test_a_weak_u_can_brake_what_the_scaled_function_asks_for(input_set):
+def test_a_weak_u_can_brake_what_the_scaled_function_requests(input_set):
     settings = RowSettings(period=PERIOD, u_max=input_set.radius)
     factor = braking.share(settings, braking.weakest(input_set))
     scaled = RowSettings(LogClassK().scaled(factor), period=PERIOD, u_max=input_set.radius)
@@ -92,7 +92,7 @@ def found(barriers, alpha1=None, limit=5.0, margin=0.0):
     return [s.what for s in braking.shortcomings(scenes, alpha1, Box.symmetric(limit), margin)]
 
 
-def test_what_a_scene_asks_beyond_u_and_its_speed_limit_is_found():
+def test_what_a_scene_requests_beyond_u_and_its_speed_limit_is_found():
     cap, moving = SpeedLimit("cap", 1, 0.5), Disc("boat", 1, (3.0, 0.0), 1.0, (-0.3, 0.0))
     assert found([POND, cap]) == []
     assert found([moving, cap]) == []
@@ -108,7 +108,7 @@ def test_what_a_scene_asks_beyond_u_and_its_speed_limit_is_found():
 
 
 @pytest.mark.parametrize("name", scenarios.names())
-def test_no_scene_of_this_package_asks_for_too_much(name):
+def test_no_scene_of_this_package_requests_too_much(name):
     for seed in range(20):
         scene = scenarios.make(name, np.random.default_rng(seed))
         cap = 1.5 if scene.v_max is None else scene.v_max

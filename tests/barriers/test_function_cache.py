@@ -33,7 +33,7 @@ def expected(x, p):
 def test_a_new_closure_in_each_of_200_steps_compiles_at_most_nine_times_and_warns_once():
     make, x, rng = rows_of(), np.zeros(2), np.random.default_rng(0)
     slowest, objects = 0.0, []
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         for k in range(200):
             p = np.array([*rng.normal(3.0, 0.3, 2), 1.0])
@@ -48,8 +48,8 @@ def test_a_new_closure_in_each_of_200_steps_compiles_at_most_nine_times_and_warn
                 gc.collect()
                 objects.append(len(gc.get_objects()))
     assert len(make.functions.together) + len(make.functions.alone) <= 9
-    assert len(said) == 1
-    assert "parameters=p" in str(said[0].message)
+    assert len(warned) == 1
+    assert "parameters=p" in str(warned[0].message)
     assert objects[1] - objects[0] < 2000
     assert slowest < 5.0  # a second where other processes want the machine, too
 

@@ -62,8 +62,8 @@ def driven(model, barrier, wanted, start=(0.0, 0.0, 0.0, 0.0), steps=200):
             x, *_, info = env.step(np.asarray(wanted(k, x), dtype=np.float64))
             seen.append(x)
             reports.append(info["safety_filter"])
-    said = [str(one.message) for one in caught if "gradient" in str(one.message)]
-    return np.array(seen), reports, said
+    texts = [str(one.message) for one in caught if "gradient" in str(one.message)]
+    return np.array(seen), reports, texts
 
 
 class OwnCap(Barrier):
@@ -91,13 +91,13 @@ def test_a_cap_on_the_norm_of_the_velocity_holds_from_rest_on(model, cap):
             return np.clip(-x[2:] / PERIOD, -2.0, 2.0)
         return 2.0 * np.array([math.cos(k // 40), math.sin(k // 40)])
 
-    x, reports, said = driven(MODELS[model], CAPS[cap], wanted)
+    x, reports, texts = driven(MODELS[model], CAPS[cap], wanted)
     assert np.hypot(x[:, 2], x[:, 3]).max() <= 1.0 + 1e-9
     assert np.hypot(x[:, 2], x[:, 3]).max() > 0.8
     assert all(report["reason"] == Reason.NONE for report in reports)
     assert all(report["status"] < FilterStatus.VIOLATED for report in reports)
-    assert len(said) == 1
-    assert "cap" in said[0]
+    assert len(texts) == 1
+    assert "cap" in texts[0]
 
 
 def least(a, b):
@@ -117,11 +117,11 @@ MINIMA = {
 def test_nothing_is_entered_at_the_kink_of_a_minimum(model, case):
     h, u = MINIMA[case]
     barrier = Function(case, 1, h)
-    x, reports, said = driven(MODELS[model], barrier, lambda k, x: u)
+    x, reports, texts = driven(MODELS[model], barrier, lambda k, x: u)
     assert min(float(h(one, 0.0)) for one in x) >= 0.0
     assert min(float(h(one, 0.0)) for one in x) < 0.3
     assert all(report["reason"] == Reason.NONE for report in reports)
-    assert len(said) == 1
+    assert len(texts) == 1
 
 
 def test_a_batch_takes_each_plants_own_direction():
@@ -148,17 +148,15 @@ class Flat(PlanarBarrier):
     "barrier", [Function("flat", 1, lambda x, t: jnp.sqrt(jnp.maximum(x[0], 0.0))), Flat("flat", 1)]
 )
 @pytest.mark.parametrize("model", [DoubleIntegrator(), SingleIntegrator()])
-def test_what_is_not_finite_beside_either_brakes_and_names_barrier_gradient_state_and_remedy(
-    model, barrier
-):
+def test_a_gradient_that_is_not_finite_beside_either_brakes_with_state_and_remedy(model, barrier):
     start = np.full(model.n, -0.5)
     plant = Plant(model, [barrier], lambda env, x, info: x, period=PERIOD)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SafetyWarning)
         env = wrappers.SafetyFilter(World(model, start), plant=plant)
         _, info = env.reset()
-    said = " ".join(str(one.message) for one in caught)
+    texts = " ".join(str(one.message) for one in caught)
     assert info["safety_filter"]["status"] == FilterStatus.BACKUP
     assert info["safety_filter"]["reason"] == Reason.BARRIERS
     for part in ("'flat'", "gradient", "-0.5", "jnp.sqrt(s + 1e-6)"):
-        assert part in said
+        assert part in texts

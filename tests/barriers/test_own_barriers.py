@@ -64,7 +64,7 @@ class EnergyLimit(Barrier):
 
 @dataclass(frozen=True)
 class Unnamed(Round):
-    """Nobody has registered it."""
+    """It is not registered."""
 
 
 barriers.register("tests-round", Round)
@@ -83,7 +83,7 @@ def scene(own):
 
 @pytest.mark.parametrize("how", [USUAL, HELD], ids=["usual", "held"])
 @pytest.mark.parametrize("own", [Convex("own", 2), Round("own", 2)], ids=["convex", "unknown"])
-def test_its_rows_stand_beside_those_of_built_in_barriers(own, how):
+def test_its_rows_are_beside_those_of_built_in_barriers(own, how):
     x, t = states(20)
     built_in = Disc("own", 2)
     wall, cap = HalfPlane("wall", 1), SpeedLimit("cap", 1, 2.0)
@@ -151,7 +151,7 @@ def test_registered_it_travels_through_json():
     assert scenarios.from_dict(json.loads(json.dumps(own.to_dict()))).barriers == own.barriers
 
 
-def test_what_is_no_barrier_is_refused_by_name():
+def test_other_things_than_barriers_are_refused_by_name():
     for make in (
         lambda: barriers.register("disc", Round),
         lambda: barriers.register("", Round),
@@ -165,7 +165,7 @@ def test_what_is_no_barrier_is_refused_by_name():
 
 
 class Fence(Several):
-    """A way of one's own to hand over barriers: posts in a row."""
+    """Several barriers in one: posts in a row."""
 
     conditions = tuple(Disc(f"post {y}", 1, center=(1.0, y), radius=0.1) for y in (0.0, 0.3))
 
@@ -190,7 +190,7 @@ class Still(gym.Env):
 @pytest.mark.parametrize(
     "model", [models.DoubleIntegrator(), models.SingleIntegrator(), Unicycle()]
 )
-def test_what_stands_for_several_barriers_is_taken_whatever_the_model_is(model):
+def test_an_element_of_several_barriers_is_taken_whatever_the_model_is(model):
     def filtered(scene):
         plant = Plant(model, scene, lambda env, *_: env.x.copy(), period=0.02)
         env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
@@ -215,20 +215,13 @@ class Post(Several):
         self.conditions = (Disc("post", 1, center=(to, 0.0), radius=0.1),)
 
 
-def stepped(model):
+def stepped(model, reads_anew=False):
     post = Post()
-    plant = Plant(model, [post], lambda env, *_: env.x.copy(), period=0.02)
+    conditions = (lambda *_: [post]) if reads_anew else [post]
+    plant = Plant(model, conditions, lambda env, *_: env.x.copy(), period=0.02)
     env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
     env.reset(seed=0)
     return post, lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
-
-
-def read_anew():
-    model, post = models.DoubleIntegrator(), Post()
-    plant = Plant(model, lambda *_: [post], lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(Still(model), plant=plant)
-    env.reset(seed=0)
-    return post, lambda: env.step(np.zeros(2))[4]["safety_filter"]["h"][-1]
 
 
 def batched():
@@ -243,11 +236,11 @@ def batched():
 
 def driven():
     post, times = Post(), itertools.count()
-    door = VelocityFilter("cart", [post], period=0.05)
+    safe = VelocityFilter("cart", [post], period=0.05)
 
     def step():
-        report = door.step((0.0, 0.0), np.zeros(3), np.zeros(3), 0.05 * next(times))[1]
-        return report["h"][-1]
+        at = 0.05 * next(times)
+        return safe.step((0.0, 0.0), np.zeros(3), np.zeros(3), at)[1]["h"][-1]
 
     return post, step
 
@@ -259,7 +252,7 @@ def driven():
         lambda: stepped(models.DoubleIntegrator()),
         lambda: stepped(models.SingleIntegrator()),
         lambda: stepped(Unicycle()),
-        read_anew,
+        lambda: stepped(models.DoubleIntegrator(), reads_anew=True),
         batched,
         driven,
     ],
@@ -273,6 +266,6 @@ def test_what_changes_in_place_is_seen_in_the_next_step(way):
 
 
 def test_a_velocity_filter_takes_it_too():
-    door = VelocityFilter("cart", [Fence()], period=0.05)
-    report = door.step((0.5, 0.0), np.zeros(3), np.zeros(3), 0.0)[1]
+    safe = VelocityFilter("cart", [Fence()], period=0.05)
+    report = safe.step((0.5, 0.0), np.zeros(3), np.zeros(3), 0.0)[1]
     assert len(report["margin"]) == len(Fence.conditions)

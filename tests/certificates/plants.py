@@ -295,7 +295,7 @@ def scaled(gain, env, observation, info):
 
 
 def of_text(text):
-    """Return the reader `read` that a text defines, in a module of its own."""
+    """Return the reader `read` that a text defines, in a new module."""
     names = {"np": np, "Estimate": Estimate, "__name__": "mine"}
     exec(text, names)
     return names["read"]

@@ -1,4 +1,4 @@
-"""The judge: outside of one range covers nothing, with that reason, by every way in."""
+"""The judge: outside of one range covers nothing, with that reason, by every entry point."""
 
 import warnings
 from dataclasses import replace
@@ -87,7 +87,7 @@ RANGES |= {name: (certificates.tested()[name], CoveredBy.FILTER) for name in ("f
 
 
 @pytest.mark.parametrize("name", RANGES)
-def test_each_value_outside_of_its_range_is_named_by_itself_and_all_inside_are_covered(name):
+def test_each_value_outside_of_its_range_is_named_alone_and_all_inside_are_covered(name):
     ranges, reason = RANGES[name]
     rng = np.random.default_rng(0)
     for _ in range(8):
@@ -99,16 +99,16 @@ def test_each_value_outside_of_its_range_is_named_by_itself_and_all_inside_are_c
             for value in beside(expected, declared, rng):
                 judged = judge(declared | {argument: value}, ranges, reason=reason)
                 assert (judged.covered, judged.covered_by) == (Coverage.OUTSIDE, reason), value
-                assert len(judged.says) == 1
-                assert judged.says[0].startswith(f"{argument} ")
-                assert judged.says[0].endswith(f"(tested: {words(expected)})")
+                assert len(judged.reasons) == 1
+                assert judged.reasons[0].startswith(f"{argument} ")
+                assert judged.reasons[0].endswith(f"(tested: {words(expected)})")
             missing = {k: v for k, v in declared.items() if k != argument}
             assert judge(missing, ranges).covered == Coverage.OUTSIDE
-        for value in (0.0, None, "as ever"):  # nobody tested what no range tells of
+        for value in (0.0, None, "as ever"):  # no range includes it
             for tomorrow in ("payload of tomorrow", "payload_derived"):
                 judged = judge(declared | {tomorrow: value}, ranges)
                 assert judged.covered == Coverage.OUTSIDE
-                assert judged.says == (f"{tomorrow} {value!r} (nothing is tested of it)",)
+                assert judged.reasons == (f"{tomorrow} {value!r} (nothing is tested of it)",)
 
 
 def test_one_argument_alone_may_be_left_for_its_wider_range():
@@ -130,12 +130,12 @@ def test_one_argument_alone_may_be_left_for_its_wider_range():
             for other, changed in others.items():
                 judged = judge(one | {other: changed}, ranges, alone)
                 assert judged.covered_by == CoveredBy.ARGUMENT
-                assert judged.says[0].startswith(f"alone {argument} and {other} ")
+                assert judged.reasons[0].startswith(f"alone {argument} and {other} ")
             two = "timestep" if argument != "timestep" else "feedback"
             both = one | {two: {"timestep": 0.004, "feedback": "rom"}[two]}
             assert judge(both, ranges, alone).covered == Coverage.OUTSIDE
             for value in beside(expected, nominal, rng):
-                assert judge(nominal | {argument: value}, ranges, alone).says
+                assert judge(nominal | {argument: value}, ranges, alone).reasons
 
 
 class Mass(gym.Env):
@@ -162,7 +162,7 @@ def mass(covered):
     )
 
 
-def told(env):
+def reported(env):
     """Return what the report of a reset and of a step say, which is the same."""
     _, info = env.reset(seed=0)
     first = info["safety_filter"]
@@ -207,8 +207,8 @@ WAYS = {
     "a batch's rows": (lambda: batch(rows="usual"), 0, CoveredBy.FILTER),
     "another plant": (lambda: SafetyFilter(e := regions(), plant=moved(e)), 0, CoveredBy.PLANT),
     "a plant of one's own": (lambda: SafetyFilter(Mass(), plant=mass(0)), 0, CoveredBy.UNKNOWN),
-    "one that says 1": (lambda: SafetyFilter(Mass(), plant=mass(1)), 1, CoveredBy.NONE),
-    "one that says 2": (lambda: SafetyFilter(Mass(), plant=mass(2)), 2, CoveredBy.SCENE),
+    "one that states 1": (lambda: SafetyFilter(Mass(), plant=mass(1)), 1, CoveredBy.NONE),
+    "one that states 2": (lambda: SafetyFilter(Mass(), plant=mass(2)), 2, CoveredBy.SCENE),
     "a certificate": (lambda: SafetyFilter(cart(), certificate="cart"), 1, CoveredBy.NONE),
     "a batch's certificate": (lambda: batch(certificate="regions"), 1, CoveredBy.NONE),
     "a certificate of another": (
@@ -231,14 +231,14 @@ WAYS = {
 
 @pytest.mark.usefixtures("released")
 @pytest.mark.parametrize("way", WAYS)
-def test_every_way_in_says_whether_it_is_covered_and_why_not(way):
+def test_every_entry_point_reports_whether_it_is_covered_and_why_not(way):
     make, covered, why = WAYS[way]
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         env = make()
-    assert told(env) == ([covered], [why])
+    assert reported(env) == ([covered], [why])
     silent = covered > 0 or why == CoveredBy.UNKNOWN
-    assert silent != any(one.category is CoverageWarning for one in said)
+    assert silent != any(one.category is CoverageWarning for one in raised)
 
 
 VERSIONS = {  # version of the package, whether its shipped certificates cover, what is reported
@@ -263,7 +263,7 @@ def test_a_certificate_covers_in_its_own_version_alone_with_one_warning_a_proces
     certificates.warn_of_version.cache_clear()
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
-        found = [told(make()) for make in made]
+        found = [reported(make()) for make in made]
     assert found == [([covered], [CoveredBy.NONE if covered else CoveredBy.VERSION])] * 4
     assert [message in str(one.message) for one in raised] == [True] * (message is not None)
     assert all(one.category is CoverageWarning for one in raised)
@@ -272,7 +272,7 @@ def test_a_certificate_covers_in_its_own_version_alone_with_one_warning_a_proces
 @pytest.mark.parametrize("stated", [1, 2])
 def test_in_a_development_version_what_a_plant_states_of_itself_is_not_covered_either(stated):
     assert ".dev" in version.VERSION
-    assert told(SafetyFilter(Mass(), plant=mass(stated))) == ([0], [CoveredBy.VERSION])
+    assert reported(SafetyFilter(Mass(), plant=mass(stated))) == ([0], [CoveredBy.VERSION])
 
 
 def test_a_release_ships_certificates_that_were_earned_for_it():
@@ -283,7 +283,7 @@ def test_a_release_ships_certificates_that_were_earned_for_it():
 
 
 @pytest.mark.usefixtures("released")
-def test_a_scene_that_changes_or_asks_for_too_much_says_so():
+def test_a_scene_that_changes_or_needs_too_much_is_reported():
     env = SafetyFilter(regions())
     env.reset(seed=0)
     env.unwrapped.change_scene(env.unwrapped.scenario)

@@ -48,7 +48,7 @@ def contract(tmp_path, monkeypatch):
         sys.modules.pop(name, None)
 
 
-def told(contract):
+def identity(contract):
     walker = Walker.load(contract)
     return certificates.robot_of(walker.name, walker.files)
 
@@ -65,19 +65,19 @@ def told(contract):
     ],
 )
 def test_a_file_that_is_changed_makes_another_robot(contract, file):
-    before = told(contract)
+    before = identity(contract)
     path = contract.parent / file
     text = path.read_text()
     path.write_text(text.replace("0.002", "0.001") if "option" in file else text + "\n")
-    assert told(contract) != before
+    assert identity(contract) != before
     path.write_text(text)
-    assert told(contract) == before
+    assert identity(contract) == before
 
 
 def test_what_no_file_names_makes_no_other_robot(contract):
-    before = told(contract)
+    before = identity(contract)
     (contract.parent / "wheel.txt").write_text("another one")
-    assert told(contract) == before
+    assert identity(contract) == before
 
 
 @pytest.mark.usefixtures("released")

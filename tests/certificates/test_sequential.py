@@ -1,4 +1,4 @@
-"""The running bound is wrong no more often than it says, and good plants pass."""
+"""The running bound is wrong as rarely as it promises, and good plants pass."""
 
 import numpy as np
 import pytest

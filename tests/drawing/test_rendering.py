@@ -1,4 +1,4 @@
-"""Pictures: ranks told apart by anyone, regions filled, motion seen, frames cheap."""
+"""Pictures: ranks distinguishable by anyone, regions filled, motion seen, frames cheap."""
 
 import itertools
 
@@ -45,7 +45,7 @@ def lab(color, seen):
 
 @pytest.mark.parametrize("who", SEEN_BY)
 @pytest.mark.parametrize("shown", [str, palette.paler], ids=["lines", "areas"])
-def test_ranks_are_told_apart(who, shown):
+def test_ranks_are_distinguishable(who, shown):
     colors = [lab(shown(color), SEEN_BY[who]) for color in palette.PRIORITY_COLORS]
     apart = [np.linalg.norm(a - b) for a, b in itertools.combinations(colors, 2)]
     assert min(apart) > 20.0  # 2.3 is just noticeable

@@ -1,4 +1,4 @@
-"""What the A1's controller and filter believe, from what the arguments declare."""
+"""What the A1's controller and filter assume, from what the arguments declare."""
 
 import re
 from dataclasses import replace
@@ -29,11 +29,11 @@ def test_the_nominal_plant_keeps_its_inputs_and_margins():
     plant = inner().plant
     np.testing.assert_array_equal(plant.input_set.vertices(), Box.symmetric(5.0).vertices())
     assert plant.uncertainty == a1_plant.UNCERTAINTY
-    assert a1_plant.believed_friction(NOMINAL) == 0.6
+    assert a1_plant.derived_friction(NOMINAL) == 0.6
 
 
 @pytest.mark.parametrize("input_set", [Box.symmetric(5.0), Ball(4.0), Box([-1.0, 0.0], [6.0, 2.0])])
-def test_no_input_asks_for_more_than_the_ground_carries(input_set):
+def test_no_input_exceeds_what_the_ground_carries(input_set):
     for friction in (0.1, 0.3, 0.6):
         carried = a1_plant.carried_inputs(input_set, friction).vertices()
         assert np.abs(carried).max() < friction * GRAVITY
@@ -43,16 +43,16 @@ def test_no_input_asks_for_more_than_the_ground_carries(input_set):
 
 def test_the_least_friction_that_is_declared_is_what_counts():
     declared = Randomization(floor_friction=(0.4, 1.0))
-    assert a1_plant.believed_friction(declared) == pytest.approx(0.3)
+    assert a1_plant.derived_friction(declared) == pytest.approx(0.3)
     slippery = inner(randomization={"floor_friction": [0.4, 0.8]})
     with pytest.warns(UserWarning, match=r"friction 0\.6 \(tested: at most three quarters"):
-        told = inner(randomization={"floor_friction": [0.4, 0.8]}, friction=0.6)
+        given = inner(randomization={"floor_friction": [0.4, 0.8]}, friction=0.6)
     assert slippery.plant.input_set.radius == pytest.approx(0.5 * Box.symmetric(5.0).radius, 1e-3)
-    assert told.plant.input_set.radius == Box.symmetric(5.0).radius
-    assert slippery.action_space == told.action_space
+    assert given.plant.input_set.radius == Box.symmetric(5.0).radius
+    assert slippery.action_space == given.action_space
 
 
-def test_the_filter_asks_for_no_more_than_a_slippery_floor_carries():
+def test_the_filter_exceeds_no_input_that_a_slippery_floor_carries():
     env = wrappers.SafetyFilter(inner(randomization={"floor_friction": 0.4}), program="lex-cbf-qp")
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.array([5.0, -5.0]))
@@ -81,9 +81,9 @@ def test_margins_grow_with_the_range_and_with_the_cap_and_the_carried_cap_falls(
         known = [margins(terrain=terrain, **step) for step in ladder]
         faster = [margins(1.7, terrain, **step) for step in ladder]
         carried = [a1_plant.carried_speed(Randomization(**step), terrain, box) for step in ladder]
-        for told in (known, faster):
-            assert np.all(np.diff([one.distance for one in told]) > 0.0)
-            assert np.all(np.diff([one.speed for one in told]) > 0.0)
+        for reserved in (known, faster):
+            assert np.all(np.diff([one.distance for one in reserved]) > 0.0)
+            assert np.all(np.diff([one.speed for one in reserved]) > 0.0)
         assert np.all(np.diff(carried) < 0.0)
     assert margins(**ladder[0]) == a1_plant.UNCERTAINTY
     assert known[-1].distance < faster[-1].distance
@@ -110,8 +110,8 @@ def test_a_cap_above_the_usual_one_widens_the_margin_on_the_position_and_no_lowe
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.8])
 def test_from_the_cap_that_is_carried_u_stops_the_robot(friction):
     declared = Randomization(floor_friction=(friction, friction), delay=(0.0, 0.008))
-    believed = a1_plant.believed_friction(declared)
-    carried = a1_plant.carried_inputs(Box.symmetric(5.0), believed)
+    planned = a1_plant.derived_friction(declared)
+    carried = a1_plant.carried_inputs(Box.symmetric(5.0), planned)
     cap = a1_plant.carried_speed(declared, "rough", carried)
     known = a1_plant.uncertainty_of(declared, "rough", 0.0, carried, cap)
     stopped = braking.stoppable(LogClassK(), carried)
@@ -119,7 +119,7 @@ def test_from_the_cap_that_is_carried_u_stops_the_robot(friction):
     assert cap <= a1_plant.FASTEST
 
 
-def test_a_cap_that_the_plant_does_not_carry_is_lowered_and_the_environment_says_so():
+def test_a_cap_that_the_plant_does_not_carry_is_lowered_with_a_warning():
     with pytest.warns(LoweredWarning, match=r"1\.5 m/s is lowered to 1\.1\d* m/s"):
         env = inner(scenario="paper-simulation", randomization={"floor_friction": 0.4})
     assert 1.0 < env.barriers[-1].v_max < 1.2

@@ -80,7 +80,7 @@ def test_every_plant_of_the_mixture_is_covered_and_what_it_declares_is_what_it_c
         judged = env.judged
         assert judged.covered == Coverage.SCENE  # its scenes are drawn beforehand, with a cap each
         certified = mixture.certifies(env.declared)
-        assert not judge(env.declared, certified).says
+        assert not judge(env.declared, certified).reasons
         assert certificates.shipped()["a1-mixture"].plant == certified
         env.close()
 
@@ -119,7 +119,7 @@ def outside(asked, plant, certificate=None):
         warnings.simplefilter("ignore", CoverageWarning)
         found = limits(asked._asdict(), plant, [], certificate)
     assert found is None or (found.covered, found.covered_by) == (0, CoveredBy.FILTER)
-    return () if found is None else found.says
+    return () if found is None else found.reasons
 
 
 def test_arguments_of_a_filter_that_leave_what_was_tested_are_named():

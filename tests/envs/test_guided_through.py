@@ -61,7 +61,7 @@ def test_from_within_a_strict_clearance_the_way_leads_out_by_the_shortest():
     way = Geodesic(through=2)
     way.reset([wall, other, gives_way], (3.0, 0.5), clearance=0.3, start=(-3.0, 0.5))
     for x in (-2.0, -1.2, -0.5, 0.0, 0.5):
-        state = np.array([x, 0.05, 0.0, 0.0])
-        a, _ = way.row(state, 0.0)
+        state = np.array([[x, 0.05, 0.0, 0.0]])
+        (a,), _ = way.rows(state, np.zeros(1))
         assert a[1] > 0.6  # to the point .6 m further, of which the first .25 m lead out
-        assert way.reachable(state[None]) == 2
+        assert way.reachable(state) == 2

@@ -8,7 +8,7 @@ import pytest
 
 from hcbf_gym import Plant, _core, scenarios, wrappers
 from hcbf_gym.barriers import SpeedLimit
-from hcbf_gym.barriers.limits import check_limits
+from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning

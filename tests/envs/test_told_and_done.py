@@ -1,4 +1,4 @@
-"""A robot that does not do what it is told is noticed before it enters; one that does, never."""
+"""A robot that does not do as it is commanded is noticed before it enters; one that does, never."""
 
 import math
 import warnings
@@ -44,7 +44,7 @@ def test_dead_odometry_warns_or_brakes_as_the_user_asks(on_alarm):
         warnings.simplefilter("always")
         for k in range(40):
             told, report = door.step((0.6, 0.0), np.zeros(3), np.zeros(3), 0.05 * k)
-    assert any("does not do what it is told" in str(warning.message) for warning in caught)
+    assert any("does not do what it is commanded" in str(warning.message) for warning in caught)
     assert report["reason"] == Reason.RESPONSE
     brakes = on_alarm == "brake"
     assert (report["status"] == FilterStatus.BACKUP) == brakes

@@ -3,7 +3,7 @@ import pytest
 
 from hcbf_gym._core import kalman_correct, kalman_predict
 from hcbf_gym.arrays import attributes, record_type, words_of
-from hcbf_gym.estimation.records import AXIS, A, D, P, S, V
+from hcbf_gym.estimation.estimator import AXIS, A, D, P, S, V
 
 DT = 0.002
 

@@ -1,4 +1,4 @@
-"""Jobs that fail, for the workers of `test_chunks`."""
+"""Jobs that fail, for the workers of `test_jobs`."""
 
 import contextlib
 import os
@@ -27,7 +27,7 @@ def dies_once(job):
     folder, number = job
     mark = Path(folder) / "died"
     if number == 3 and not mark.exists():
-        while len(list(Path(folder).glob("chunks/[!.]*.chunk"))) < 3:
+        while len(list(Path(folder).glob("saved/[!.]*.job"))) < 3:
             time.sleep(0.01)
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)

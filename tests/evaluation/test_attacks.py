@@ -87,7 +87,7 @@ def test_what_a_module_does_not_have_is_refused(own, name, message):
         attacks.make(name, 0)
 
 
-def test_what_is_no_input_is_refused(own):
+def test_an_invalid_input_is_refused(own):
     with pytest.raises(InvalidInputError, match="finite"):
         attacks.make("own_attacks:wrong", 0).act(NEAR)
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hcbf_gym import cli, programs
+from hcbf_gym import programs
 from hcbf_gym.errors import HcbfError
-from hcbf_gym.evaluation.chunks import Runs
 from hcbf_gym.evaluation.command import column_names
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
 from hcbf_gym.evaluation.sentences import SPEED, sentences
 from hcbf_gym.programs import FilterStatus
@@ -69,31 +69,6 @@ def test_the_command_leaves_figures_and_a_complete_summary(tmp_path):
         assert (tmp_path / name).stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--scenario", "nowhere"], "paper-simulation"),
-        (["--program", "x-cbf-qp"], "h-cbf-qp"),
-        (["--policy", "nobody"], "pd"),
-        (["--gamma0", "-1"], "gamma0"),
-        (["--episodes", "0"], "expected"),
-        (["--solver", "abacus"], "daqp"),
-    ],
-)
-def test_bad_arguments_are_refused_before_anything_is_written(arguments, message, tmp_path):
-    output = tmp_path / "out"
-    with pytest.raises(SystemExit, match=message):
-        cli.main(["evaluate", "--env", ROM, "--output", str(output), *arguments])
-    assert not output.exists()
-
-
-def test_an_error_ends_the_command_in_one_line():
-    run = command("--scenario", "nowhere")
-    assert run.returncode != 0
-    assert "paper-simulation" in run.stderr
-    assert len(run.stderr.splitlines()) == 1
-
-
 def test_episodes_do_not_depend_on_the_number_of_workers():
     cases = [Case(ROM, "random", "pd", "h-cbf-qp"), Case(ROM, "random", "pd", "none")]
     one, two = (
@@ -129,11 +104,6 @@ def test_a_summary_counts_steps_in_strict_regions_by_the_truth():
     alone = np.where(np.arange(len(entered)) == k, 1, 2)
     assert replace(episode, priority=alone).summary()["outside_steps"] == entered[k]
     assert replace(episode, priority=alone + 1).summary()["outside_steps"] == 0
-
-
-def test_ray_and_unknown_backends_are_refused_in_words():
-    with pytest.raises(HcbfError, match="processes"):
-        list(evaluate([Case(ROM, "random", "pd", "none")], [0], Runs(backend="cloud")))
 
 
 def test_sentences_distinguish_a_relaxed_rank_from_an_entered_one():

@@ -16,8 +16,8 @@ EPISODES = [MIXTURE.episode(seed) for seed in range(400)]
 
 def declared(name):
     """Return what the episodes declare of one condition, those of no range."""
-    said = [dict(episode.env_options or {})["randomization"].get(name) for episode in EPISODES]
-    return [number for number in said if isinstance(number, float)]
+    drawn = [dict(episode.env_options or {})["randomization"].get(name) for episode in EPISODES]
+    return [number for number in drawn if isinstance(number, float)]
 
 
 def test_a_seed_decides_an_episode_and_what_is_written_down_draws_the_same():

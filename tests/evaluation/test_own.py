@@ -10,11 +10,11 @@ from by_hand import by_hand
 from matplotlib.figure import Figure
 from needs import remedy
 
-from hcbf_gym import barriers, cli, sources, wrappers
+from hcbf_gym import barriers, cli, wrappers
 from hcbf_gym.drawing import scene_plot
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import episode_plot, own_environment
-from hcbf_gym.evaluation.chunks import Runs
+from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import rollout
 from hcbf_gym.evaluation.rollouts import Case, evaluate
 
@@ -126,7 +126,7 @@ def test_h_that_a_rollout_records_is_that_of_the_states_it_went_through(own):
     [
         (["--policy", "OWN:gives_nan"], "expected finite numbers"),
         (["--policy", "OWN:act", "OWN:nothing"], "AttributeError"),
-        (["--env", BOAT, "--v-max", "1.0"], "whose plant says all that"),
+        (["--env", BOAT, "--v-max", "1.0"], "whose plant decides all that"),
         (["--env", BOAT, "--policy", "pd"], "expected one of your own"),
         (["--env", ROM, "--body", "footprint"], "expected --env HCBF-A1Regions-v0"),
         (["--env", "HCBF-Nowhere-v0"], "file.py:function"),
@@ -151,7 +151,6 @@ def test_a_folder_that_holds_another_run_is_not_overwritten_unasked(own, tmp_pat
     assert (tmp_path / "out" / "summary.json").read_bytes() == before
     with open(own, "a", encoding="utf-8") as file:
         file.write("\n# another policy\n")
-    sources._digest.cache_clear()  # a process of its own would read the file anew
     with pytest.raises(SystemExit, match="files"):
         evaluated(tmp_path / "out", *first)
     found = evaluated(tmp_path / "out", *first, "--seed", 1, "--overwrite")
@@ -221,7 +220,7 @@ def test_a_condition_without_an_outline_is_drawn_where_it_is_below_zero():
     for drawn in (filled, border):
         low, high = (f(drawn.get_paths()[0].vertices, axis=0) for f in (np.min, np.max))
         np.testing.assert_allclose([low, high], [[-0.5, -1.0], [1.5, 1.0]], atol=0.02)
-    assert scene_plot.draw_barriers(axes, [inside]) == []  # nothing says where the robot is
+    assert scene_plot.draw_barriers(axes, [inside]) == []  # the robot's position is not known
     far = np.array([0.0, 0.0, 9.0])
     assert scene_plot.draw_barriers(axes, [inside], 0.0, far) == []
 
@@ -265,18 +264,17 @@ def test_a_policy_that_cannot_act_is_refused_before_it_is_certified(own, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
+def test_ctrl_c_prints_how_to_resume(monkeypatch, capsys):
     def stopped(args):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("hcbf_gym.evaluation.command.main", stopped)
     with pytest.raises(SystemExit):
         cli.main(["evaluate"])
-    told = "interrupted; the same command goes on where this one stopped\n"
-    assert capsys.readouterr().err == told
+    assert capsys.readouterr().err == "interrupted; the same command resumes this run\n"
 
 
-def test_without_a_folder_every_run_has_one_of_its_own_and_the_same_run_its_old_one(
+def test_without_a_folder_every_run_has_another_and_the_same_run_its_old_one(
     own, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)

@@ -12,7 +12,7 @@ def test_at_the_bound_so_few_entries_are_as_rare_as_the_doubt(entered, episodes)
     assert binom.cdf(entered, episodes, bound) == pytest.approx(0.01, rel=1e-6)
 
 
-def test_the_bound_covers_the_true_chance_as_often_as_it_says():
+def test_the_bound_covers_the_true_chance_with_its_confidence():
     rng = np.random.default_rng(0)
     chance, episodes = 0.02, 200
     counts = rng.binomial(episodes, chance, 4000)
@@ -36,6 +36,6 @@ def test_nothing_is_bounded_where_all_enter():
         lambda: upper_bound(0, 5, float("nan")),
     ],
 )
-def test_what_is_no_count_and_no_share_is_refused(refused):
+def test_invalid_counts_and_shares_are_refused(refused):
     with pytest.raises(InvalidInputError):
         refused()

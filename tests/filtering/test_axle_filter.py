@@ -7,11 +7,10 @@ import pytest
 
 from hcbf_gym import _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
-from hcbf_gym.barriers.zone import least_limit
+from hcbf_gym.barriers.speed_limit import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Reason, Uncertainty
@@ -274,7 +273,7 @@ def test_a_heading_that_is_none_brakes(heading):
     assert report["status"] == FilterStatus.BACKUP
     assert report["reason"] == Reason.STATE
     corners = np.empty((4, 2))
-    drives.corners(CART, cart.x, 0.5, PERIOD, corners)
+    _core.axle_corners(CART, cart.x, 0.5, PERIOD, corners)
     assert np.abs(u).max() <= np.abs(corners).max() + 1e-9
 
 

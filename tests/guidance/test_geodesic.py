@@ -9,8 +9,6 @@ from hcbf_gym.barriers import BarrierSet, CbfRows, ConvexPolygon, Disc, HalfPlan
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance import row as guidance_row
-from hcbf_gym.guidance.extent import MAX_CELLS
 
 FAR = (Disc("far", 1, (50.0, 50.0), 1.0),)
 OPEN = ((-2.0, -3.0), (6.0, 3.0))
@@ -20,6 +18,12 @@ def way_of(barriers, goal, extent=OPEN, clearance=0.05, **options):
     way = guidance.Geodesic(**options)
     way.reset(barriers, goal, extent, clearance)
     return way
+
+
+def row(way, x, t=0.0):
+    """a (2,) and b of one state."""
+    a, b = way.rows(np.array(x)[None], np.array([t]))
+    return a[0], b[0]
 
 
 def value(way, point):
@@ -34,16 +38,8 @@ def descend(way, point, steps=400):
     view, geometry, goal = fields.grid(way.field[0], way.geometry[0]), way.geometry[0], way.goal[0]
     points = [np.array(point)]
     while len(points) < steps and np.linalg.norm(points[-1] - goal) > 1e-9:
-        points.append(
-            np.array(guidance_row.descent(view, geometry, goal, *points[-1], geometry[2]))
-        )
+        points.append(np.array(_core.field_descent(view, geometry, goal, *points[-1], geometry[2])))
     return np.array(points)
-
-
-def values_along(scene, points):
-    """h (k, m) at k points."""
-    x = np.hstack([points, np.zeros_like(points)])
-    return BarrierSet([scene.barriers]).along(x, np.zeros(len(x)))
 
 
 def ring(priority, gap=0):
@@ -63,39 +59,24 @@ def test_in_the_open_the_field_is_the_distance():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_field_decreases_along_its_own_descent_to_the_goal(seed):
+def test_the_path_descends_to_the_goal_through_no_region_that_it_need_not_enter(seed):
     scene = scenarios.make("random", np.random.default_rng(seed))
     way = way_of(scene.barriers, scene.goal, None)
     points = descend(way, scene.start)
     np.testing.assert_array_equal(points[-1], scene.goal)
     along = np.array([value(way, point) for point in points])
     assert (np.diff(along[:-1]) < 0.0).all()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_goal_is_the_only_cell_without_a_lower_neighbour(seed):
-    scene = scenarios.make("random", np.random.default_rng(seed))
-    way = way_of(scene.barriers, scene.goal, None)
+    h = BarrierSet([scene.barriers]).along(np.hstack([points, 0.0 * points]), np.zeros(len(points)))
+    assert (h[:, h[0] >= 0.0] > 0.0).all()
+    left = np.argmax((h > 0.0).all(axis=1))
+    assert (h[left:] > 0.0).all()  # what it begins in, it leaves for good
     view = fields.grid(way.field[0], way.geometry[0])
     around = np.pad(view, 1, constant_values=np.inf)
     lower = np.zeros(view.shape, dtype=np.bool_)
     for near in (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]):
         lower |= near < view
-    assert [tuple(cell) for cell in np.argwhere(~lower)] == [
-        fields.cell_of(*scene.goal, way.geometry[0])
-    ]
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_way_enters_no_region_that_it_need_not(seed):
-    scene = scenarios.make("random", np.random.default_rng(seed))
-    way = way_of(scene.barriers, scene.goal, None)
-    points = descend(way, scene.start)
-    h = values_along(scene, points)
-    woke_in = h[0] < 0.0
-    assert (h[:, ~woke_in] > 0.0).all()
-    left = np.argmax((h > 0.0).all(axis=1))
-    assert (h[left:] > 0.0).all()  # what it wakes in, it leaves for good
+    goal = _core.field_cell_of(*scene.goal, way.geometry[0])
+    assert [tuple(cell) for cell in np.argwhere(~lower)] == [goal]  # no other has no lower one
 
 
 @pytest.mark.parametrize(("priorities", "expected"), [((1, 2), 2), ((2, 3), 3), ((1, 3), 3)])
@@ -129,20 +110,20 @@ def test_inside_a_strict_region_the_row_leads_out_by_the_nearest_side():
     way = way_of([Disc("one", 1, (2.0, 0.0), 1.0)], (4.0, 0.0))
     for angle in (1.0, 2.0, 3.0, 4.0):
         out = np.array([np.cos(angle), np.sin(angle)])
-        a, _ = way.row(np.concatenate([np.array([2.0, 0.0]) + 0.9 * out, [0.0, 0.0]]), 0.0)
+        a, _ = row(way, np.concatenate([np.array([2.0, 0.0]) + 0.9 * out, [0.0, 0.0]]), 0.0)
         assert a @ out > 0.2
 
 
-def test_the_row_asks_for_speed_along_the_way_and_nothing_at_the_goal():
+def test_the_row_requests_speed_along_the_way_and_nothing_at_the_goal():
     way = way_of(FAR, (4.0, 0.0))
-    a, b = way.row(np.array([0.0, 0.0, 0.0, 0.0]), 0.0)
+    a, b = row(way, np.array([0.0, 0.0, 0.0, 0.0]), 0.0)
     np.testing.assert_allclose(a, [1.0, 0.0], atol=0.02)
     assert b == pytest.approx(way.pull.gain * way.pull.speed)
-    fast = way.row(np.array([0.0, 0.0, 0.8, 0.0]), 0.0)
+    fast = row(way, np.array([0.0, 0.0, 0.8, 0.0]), 0.0)
     assert fast[1] < 0.0  # u* may brake
-    near = way.row(np.array([3.8, 0.0, 0.0, 0.0]), 0.0)
+    near = row(way, np.array([3.8, 0.0, 0.0, 0.0]), 0.0)
     assert 0.0 < near[1] < b
-    a, b = way.row(np.array([4.0, 0.0, 0.3, 0.0]), 0.0)
+    a, b = row(way, np.array([4.0, 0.0, 0.3, 0.0]), 0.0)
     assert (a == 0.0).all()
     assert b < 0.0
 
@@ -206,8 +187,8 @@ def test_a_reset_of_one_scene_leaves_the_others_alone():
 
 def test_equal_scenes_are_solved_once_and_one_that_comes_back_not_again(monkeypatch):
     solved = []
-    solve = fields.solve
-    monkeypatch.setattr(fields, "solve", lambda *given: (solved.append(1), solve(*given)))
+    solve = _core.solve_field
+    monkeypatch.setattr(_core, "solve_field", lambda *given: (solved.append(1), solve(*given)))
     scene, other = (scenarios.make("random", np.random.default_rng(n)) for n in (3, 4))
     walls = BarrierSet([scene.barriers, other.barriers, scene.barriers])
     goals = np.array([scene.goal, other.goal, scene.goal])
@@ -227,19 +208,19 @@ def test_equal_scenes_are_solved_once_and_one_that_comes_back_not_again(monkeypa
 
 def test_the_field_of_a_moving_region_is_renewed_after_every_period():
     barriers = [Disc("mover", 2, (2.0, -0.6), 1.0, (0.0, 0.2))]
-    way = way_of(barriers, (4.0, 0.0), period=0.5)
+    way = way_of(barriers, (4.0, 0.0))
     x = np.zeros(4)
-    first, _ = way.row(x, 0.0)
+    first, _ = row(way, x, 0.0)
     field = way.field.copy()
-    way.row(x, 0.48)
+    row(way, x, 0.48)
     np.testing.assert_array_equal(way.field, field)
-    way.row(x, 0.5)
+    row(way, x, 0.5)
     assert not np.array_equal(way.field, field)
-    last, _ = way.row(x, 6.0)
+    last, _ = row(way, x, 6.0)
     assert first[1] > 0.0 > last[1]  # the region has passed to the other side of the line
 
 
-def test_the_guidance_row_comes_last_unless_a_rank_may_give_way():
+def test_the_guidance_row_comes_last_unless_a_rank_may_be_crossed():
     priority = np.array([1, 3, 2, 2, 1])
     out = np.empty(6, dtype=np.int64)
 
@@ -277,6 +258,8 @@ def test_a_shaped_input_meets_the_row_and_one_that_meets_it_stays():
         ({"goal": (np.nan, 0.0)}, "finite"),
         ({"start": (0.0, 4.0)}, "start: got .* expected a point within the extent"),
         ({"extent": ((0.0, 0.0), (-1.0, 1.0))}, "extent"),
+        ({"extent": ((0.0, 0.0), (1e9, 1e-3))}, "extent"),
+        ({"extent": ((-1e308, 0.0), (1e308, 1.0))}, "extent"),
         ({"clearance": -0.1}, "clearance"),
         ({"clearance": [[0.1, 0.1]]}, "clearance: got shape"),
     ],
@@ -294,8 +277,8 @@ def test_a_scene_without_a_way_is_refused_and_the_old_one_kept(wrong, match):
 
 def test_before_a_reset_there_is_no_row():
     with pytest.raises(InvalidInputError, match="reset"):
-        guidance.Geodesic().row(np.zeros(4), 0.0)
-    for wrong in ({"count": 0}, {"cell": 0.0}, {"period": -1.0}):
+        guidance.Geodesic().rows(np.zeros((1, 4)), np.zeros(1))
+    for wrong in ({"count": 0}, {"cell": 0.0}):
         with pytest.raises(InvalidInputError, match="got"):
             guidance.Geodesic(**wrong)
 
@@ -324,13 +307,59 @@ def test_where_two_strict_edges_touch_there_is_no_way_between():
     assert way.reachable(np.array([[-1.0, 1.5, 0.0, 0.0]])).tolist() == [0]
 
 
-@pytest.mark.parametrize("extent", [((0.0, 0.0), (1e9, 1e-3)), ((-1e308, 0.0), (1e308, 1.0))])
-def test_an_extent_beyond_all_places_is_refused(extent):
-    with pytest.raises(InvalidInputError, match="extent"):
-        guidance.Geodesic().reset([Disc("d", 1, (5.0, 0.0), 0.5)], (1.0, 0.0), extent)
-
-
 def test_a_strip_has_no_more_cells_than_any_other_ground():
     way = guidance.Geodesic(cell=1e-4)
     way.reset([Disc("d", 1, (50.0, 0.0), 0.5)], (1.0, 0.0), ((-1e4, -0.01), (1e4, 0.01)))
-    assert way.geometry[0, 3] * way.geometry[0, 4] <= 2.0 * MAX_CELLS
+    assert way.geometry[0, 3] * way.geometry[0, 4] <= 2.0 * _core.FIELD_MAX_CELLS
+
+
+POCKET = [
+    HalfPlane("left", 1, (0.0, -1.0), -2.37),
+    HalfPlane("right", 1, (0.0, 1.0), -2.37),
+    Disc("upper", 2, (-0.114, 0.646), 0.504),
+    Disc("lower", 3, (0.06, -0.338), 0.725),
+]
+"""Two discs that overlap, and a robot in the corner between them."""
+
+
+def pocket():
+    way = guidance.Geodesic()
+    way.reset(BarrierSet([POCKET]), (9.7, -0.35), start=(0.0, 0.0), clearance=0.054)
+    return way
+
+
+def led(way, x, out):
+    _core.guidance_rows(way.field, way.geometry, way.goal, x[None], way.pull, out)
+    return out[0, :2].copy()
+
+
+def test_on_the_ridge_between_two_ways_a_robot_stays_on_the_side_that_it_was_led_to():
+    way, ridges = pocket(), 0
+    for x in np.linspace(-1.2, -0.5, 36):
+        places = [np.array([x, y, 0.0, 0.0]) for y in np.arange(0.0, 0.5, 0.004)]
+        rows = [led(way, place, np.zeros((1, 3))) for place in places]
+        for k in range(1, len(rows)):
+            if rows[k] @ rows[k - 1] >= 0.0:
+                continue
+            ridges += 1  # a hair decides
+            for first in (k - 1, k):
+                out = np.zeros((1, 3))
+                begun = led(way, places[first], out)
+                for step in range(6):
+                    assert led(way, places[k - step % 2], out) @ begun > 0.0
+    assert ridges > 10
+
+
+def test_elsewhere_what_came_before_makes_no_difference():
+    way, rng = pocket(), np.random.default_rng(4)
+    places = np.column_stack([rng.uniform(-2.0, 9.0, 400), rng.uniform(-2.0, 2.0, 400)])
+    turned = 0
+    for place in places:
+        x = np.concatenate([place, np.zeros(2)])
+        fresh = led(way, x, np.zeros((1, 3)))
+        angle = rng.uniform(-1.5, 1.5)  # a row before that points less than a quarter turn away
+        cos, sin = np.cos(angle), np.sin(angle)
+        last = np.array([[cos * fresh[0] - sin * fresh[1], sin * fresh[0] + cos * fresh[1], 0.0]])
+        np.testing.assert_array_equal(led(way, x, last), fresh)
+        turned += abs(angle) > 1.0
+    assert turned > 50

@@ -15,6 +15,13 @@ FLAT = ConvexPolygon("flat", 1, ((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0
 GOAL = np.array([4.0, 0.0])
 
 
+def row(around, x, t, u_nominal):
+    """a (2,) and b of one state."""
+    out = np.empty((1, 3))
+    around.write_rows(np.array([x]), np.array([t]), np.array([u_nominal]), out)
+    return out[0, :2], out[0, 2]
+
+
 def walk(barriers, guided, steps=1000):
     """Where PD gets under the filter, with the circulation row or without."""
     scenes, program = BarrierSet([barriers]), programs.make_batch("lex-cbf-qp")
@@ -48,12 +55,12 @@ def test_it_passes_a_convex_region_before_which_the_filter_alone_parks(barriers)
     assert np.linalg.norm(walk(barriers, guided=True) - GOAL) < 0.25
 
 
-def test_the_row_runs_along_the_edge_on_the_side_to_which_the_policy_leans():
-    for lean in (0.5, -0.5):
+def test_the_row_runs_along_the_edge_on_the_side_of_the_nominal_input():
+    for side in (0.5, -0.5):
         around = guidance.Local()
         around.reset([FLAT])
-        a, b = around.row(np.array([0.8, 0.0, 0.0, 0.0]), 0.0, np.array([3.0, lean]))
-        np.testing.assert_allclose(a, [0.0, np.sign(lean)], atol=1e-12)
+        a, b = row(around, np.array([0.8, 0.0, 0.0, 0.0]), 0.0, np.array([3.0, side]))
+        np.testing.assert_allclose(a, [0.0, np.sign(side)], atol=1e-12)
         assert b > 0.0
 
 
@@ -61,20 +68,20 @@ def test_the_side_is_kept_until_the_robot_stands_and_then_flipped():
     around = guidance.Local()
     around.reset([FLAT])
     still, moving = np.array([0.8, 0.0, 0.0, 0.0]), np.array([0.8, 0.0, 0.0, 0.3])
-    first, _ = around.row(moving, 0.0, np.array([3.0, 0.5]))
-    kept, _ = around.row(moving, 5.0, np.array([3.0, -0.5]))
+    first, _ = row(around, moving, 0.0, np.array([3.0, 0.5]))
+    kept, _ = row(around, moving, 5.0, np.array([3.0, -0.5]))
     np.testing.assert_array_equal(kept, first)
-    around.row(still, 5.0 + 0.9 * local.STUCK, np.array([3.0, -0.5]))
-    flipped, _ = around.row(still, 5.0 + 1.1 * local.STUCK, np.array([3.0, -0.5]))
+    row(around, still, 5.0 + 0.9 * local.STUCK, np.array([3.0, -0.5]))
+    flipped, _ = row(around, still, 5.0 + 1.1 * local.STUCK, np.array([3.0, -0.5]))
     np.testing.assert_array_equal(flipped, -first)
 
 
 def test_where_nothing_stops_the_policy_there_is_no_row_and_the_side_is_forgotten():
     around = guidance.Local()
     around.reset([FLAT])
-    around.row(np.array([0.8, 0.0, 0.0, 0.0]), 0.0, np.array([3.0, 0.5]))
+    row(around, np.array([0.8, 0.0, 0.0, 0.0]), 0.0, np.array([3.0, 0.5]))
     for x, u in (((-1.0, 0.0), (3.0, 0.0)), ((0.8, 0.0), (-3.0, 0.0))):
-        a, b = around.row(np.array([*x, 0.0, 0.0]), 0.1, np.array(u))
+        a, b = row(around, np.array([*x, 0.0, 0.0]), 0.1, np.array(u))
         assert (a == 0.0).all()
         assert b < 0.0
         assert around.memory[0, 0] == 0.0
@@ -82,7 +89,7 @@ def test_where_nothing_stops_the_policy_there_is_no_row_and_the_side_is_forgotte
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(InvalidInputError, match="reset"):
-        guidance.Local().row(np.zeros(4), 0.0, np.zeros(2))
+        row(guidance.Local(), np.zeros(4), 0.0, np.zeros(2))
     with pytest.raises(InvalidInputError, match="count"):
         guidance.Local(0)
     with pytest.raises(InvalidInputError, match="scenes"):

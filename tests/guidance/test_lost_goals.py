@@ -1,4 +1,4 @@
-"""A goal that guidance cannot reach brakes with a reason of its own; one that moves is followed."""
+"""A goal that guidance cannot reach brakes with its reason; one that moves is followed."""
 
 from contextlib import nullcontext
 
@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import SyncVectorEnv
 
 import hcbf_gym
-from hcbf_gym import guidance, models
+from hcbf_gym import _core, models
 from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.guidance import Geodesic
@@ -82,7 +82,7 @@ def by_wrapper(ranked, led, goal=GOAL):
 
 
 def by_vector(ranked, led, goal=GOAL):
-    """Of two plants, the first in a room without a zone: it goes on."""
+    """Of two plants, the first in a room without a zone: it drives."""
     env = SyncVectorEnv([lambda: Room(a_map(zone=False)), lambda: Room(ranked, goal)])
     env = VectorSafetyFilter(env, plant=plant_of_many(), guidance=led)
     env.reset()
@@ -109,39 +109,39 @@ def by_batch(ranked, led, goal=GOAL):
 def by_velocity(ranked, led, goal=GOAL):
     robot = Robot(Command(0.8, 1.5, 0.8), reach=0.2)
     safe = VelocityFilter(robot, ranked.conditions, period=T, goal=goal, guidance=led)
-    pose, told, reports = np.array([*START, 0.0]), np.zeros(3), []
+    pose, commanded, reports = np.array([*START, 0.0]), np.zeros(3), []
     for k in range(30):
-        told, report = safe.step((0.3, 0.0, 0.0), pose, told, k * T)
-        pose = pose + T * told
+        commanded, report = safe.step((0.3, 0.0, 0.0), pose, commanded, k * T)
+        pose = pose + T * commanded
         reports.append(report)
         if report["reason"] == Reason.GOAL:
-            assert (told == 0.0).all()
+            assert (commanded == 0.0).all()
     return reports
 
 
-DOORS = {"wrapper": by_wrapper, "vector": by_vector, "batch": by_batch, "velocity": by_velocity}
+ENTRIES = {"wrapper": by_wrapper, "vector": by_vector, "batch": by_batch, "velocity": by_velocity}
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_a_goal_behind_a_zone_brakes_with_its_reason_and_the_remedy_reaches_it(door):
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_a_goal_behind_a_zone_brakes_with_its_reason_and_the_remedy_reaches_it(entry):
     with pytest.warns(SafetyWarning) as warned:
-        reports = DOORS[door](a_map(), "geodesic")
+        reports = ENTRIES[entry](a_map(), "geodesic")
     assert any(REMEDY in str(one.message) for one in warned)
     assert {int(report["reason"]) for report in reports} == {Reason.GOAL}
     assert {int(report["status"]) for report in reports} == {FilterStatus.BACKUP}
     for report in reports:
         assert not np.isnan(report["h"]).any()  # infinite where nothing of the map is near
-        assert door == "velocity" or np.isfinite(report["h"][-1])
-    if door != "velocity":
+        assert entry == "velocity" or np.isfinite(report["h"][-1])
+    if entry != "velocity":
         assert np.linalg.norm(reports[-1]["u_safe"]) < 1e-6  # it is at rest
-    assert {int(one["reason"]) for one in DOORS[door](a_map(), GUIDED["remedy"])} == {0}
+    assert {int(one["reason"]) for one in ENTRIES[entry](a_map(), GUIDED["remedy"])} == {0}
 
 
-@pytest.mark.parametrize("door", DOORS)
+@pytest.mark.parametrize("entry", ENTRIES)
 @pytest.mark.parametrize("goal", [(0.01, 1.0), (9.0, 1.0)], ids=["in a wall", "off the map"])
-def test_a_goal_where_nothing_can_be_brakes_with_its_reason(door, goal):
+def test_a_goal_where_nothing_can_be_brakes_with_its_reason(entry, goal):
     with pytest.warns(SafetyWarning, match=r"no path to the goal \(goal: got"):
-        reports = DOORS[door](a_map(zone=False), "geodesic", goal)
+        reports = ENTRIES[entry](a_map(zone=False), "geodesic", goal)
     assert {int(report["reason"]) for report in reports} == {Reason.GOAL}
     assert not any(np.isnan(report["h"]).any() for report in reports)
 
@@ -160,7 +160,7 @@ def test_it_brakes_within_the_safety_rows():
     np.testing.assert_allclose(env.x[2:], 0.0, atol=1e-3)
 
 
-def test_a_door_that_opens_and_a_goal_that_moves_end_it():
+def test_a_way_that_opens_and_a_goal_that_moves_end_it():
     env = Room(a_map())
     safe = SafetyFilter(env, guidance="geodesic")
     with pytest.warns(SafetyWarning):
@@ -199,24 +199,24 @@ def test_an_alarm_does_not_hide_it():
 
 @pytest.fixture
 def computed(monkeypatch):
-    """How many fields were computed in each call of `fields.solve`."""
+    """The goals for which fields were computed."""
     calls = []
-    solve = guidance.geodesic.fields.solve
+    solve = _core.solve_field
 
     def counted(*args):
-        calls.append(args[2].copy())
+        calls.append(args[3].copy())
         return solve(*args)
 
-    monkeypatch.setattr(guidance.geodesic.fields, "solve", counted)
+    monkeypatch.setattr(_core, "solve_field", counted)
     return calls
 
 
 DISC = [Disc("pillar", 1, center=(3.0, 0.5), radius=0.4), SpeedLimit("cap", 1, 1.0)]
 
 
-def chase(door, goals):
+def chase(entry, goals):
     """Drive with a policy that wants to be at rest; return where the robot is in the end."""
-    if door == "wrapper":
+    if entry == "wrapper":
         env = Room(start=(0.0, 0.5), goal=goals[0])
         env.barriers = DISC
         safe = SafetyFilter(env, guidance="geodesic")
@@ -225,7 +225,7 @@ def chase(door, goals):
             env.goal = goal
             safe.step(np.clip(-1.5 * env.x[2:], -2.0, 2.0))
         return env.x[:2]
-    if door == "vector":
+    if entry == "vector":
         rooms = [Room(start=(0.0, 0.5), goal=goals[0]) for _ in range(2)]
         for room in rooms:
             room.barriers = DISC
@@ -247,20 +247,20 @@ def chase(door, goals):
     return x[1, :2]
 
 
-@pytest.mark.parametrize("door", ["wrapper", "vector", "batch"])
-def test_a_goal_that_moves_is_followed_with_a_field_for_each_cell(door, computed):
+@pytest.mark.parametrize("entry", ["wrapper", "vector", "batch"])
+def test_a_goal_that_moves_is_followed_with_a_field_for_each_cell(entry, computed):
     still = [(6.0, 0.5)] * 20
     small = [(6.0, 0.5 + 0.004 * k) for k in range(20)]  # less than a cell
     moved = [(6.0, 2.5)] * 400
-    end = chase(door, still + small + moved)
+    end = chase(entry, still + small + moved)
     assert len(computed) == 2  # at the reset, and when it moved by more than a cell
     np.testing.assert_allclose(computed[-1], (6.0, 2.5))
     np.testing.assert_allclose(end, (6.0, 2.5), atol=0.05)
 
 
-@pytest.mark.parametrize("door", ["wrapper", "vector", "batch"])
-def test_a_goal_that_moves_by_less_than_a_cell_is_where_the_robot_arrives(door, computed):
-    end = chase(door, [(1.5, 0.5)] * 5 + [(1.56, 0.5)] * 300)
+@pytest.mark.parametrize("entry", ["wrapper", "vector", "batch"])
+def test_a_goal_that_moves_by_less_than_a_cell_is_where_the_robot_arrives(entry, computed):
+    end = chase(entry, [(1.5, 0.5)] * 5 + [(1.56, 0.5)] * 300)
     assert len(computed) == 1
     np.testing.assert_allclose(end, (1.56, 0.5), atol=0.02)
 

@@ -1,6 +1,4 @@
-"""Derivatives of u beside central differences, at as many points as an argument requests."""
-
-import sys
+"""Derivatives of u beside central differences, and what the layers' tests share."""
 
 import numpy as np
 
@@ -13,8 +11,20 @@ SETTINGS = {
     "held": {"input_set": Box((-4.0, -3.0), (4.0, 3.0)), "period": 0.05},
     "held, disc": {"input_set": Ball(4.0), "period": 0.1},
 }
+BARRIERS = [
+    HalfPlane("wall", 1, normal=(0.8, 0.6), offset=-1.0),
+    Disc("disc", 2, center=(2.0, 0.1), radius=1.0, velocity=(0.1, 0.0)),
+    SpeedLimit("speed", 2, v_max=1.0),
+]
 PER_SCENE = 50
 STEPS = 1e-6, 1e-5, 1e-7
+
+
+def arrays(count=6):
+    """Return nominal inputs (N, 2) and states (N, 4) among `BARRIERS`."""
+    rng = np.random.default_rng(0)
+    u_nominal, v = rng.normal(size=(2, count, 2))
+    return 3.0 * u_nominal, np.hstack([rng.uniform(-1.0, 3.0, (count, 2)), v])
 
 
 def scene(rng, ranks):
@@ -46,7 +56,7 @@ def points(rng, flat, count):
 
 
 def compare(rng, name, program="lex-cbf-qp", ranks=4, **options):
-    """Return the greatest relative errors (N,) at points of one scene, NaN at what is not generic,
+    """Return the greatest relative errors (N,) at points of one scene, NaN where it is not generic,
     and the statuses (N,).
 
     A point is not generic if the filter reports it, or if slopes to either side differ: a kink is
@@ -72,25 +82,3 @@ def differences(flat, v, t, u, of_u, step):
     slopes = (ahead - behind).transpose(0, 2, 1) / (2.0 * step)
     bend = np.abs(ahead - 2.0 * u[:, None] + behind).max((1, 2)) / step
     return (np.abs(slopes - of_u) / (1.0 + np.abs(of_u))).max((1, 2)), bend
-
-
-def main(count):
-    """Print the errors at as many points, a third under each setting."""
-    rng, found = np.random.default_rng(0), []
-    while len(found) * PER_SCENE < count:
-        found.append(compare(rng, list(SETTINGS)[len(found) % len(SETTINGS)]))
-    errors, status = (
-        np.concatenate([one[0] for one in found]),
-        np.concatenate([one[1] for one in found]),
-    )
-    left = errors[np.isfinite(errors)]
-    print(
-        f"{len(errors)} points, statuses {np.bincount(status).tolist()}, "
-        f"{len(errors) - len(left)} not generic; errors: median {np.median(left):.0e}, "
-        f"99.9 % {np.quantile(left, 0.999):.0e}, worst {left.max():.1e}, "
-        f"above 1e-6: {(left > 1e-6).sum()}"
-    )
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 import pytest
+from central_differences import BARRIERS, arrays
 from needs import remedy
 
-from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
-from hcbf_gym.errors import InvalidInputError, MissingDependencyError
+from hcbf_gym.errors import MissingDependencyError
 from hcbf_gym.layers.flat import FlatFilter
 
 jax = pytest.importorskip("jax", reason=remedy("jax"))
@@ -15,23 +15,11 @@ from jax.test_util import check_grads  # noqa: E402
 
 from hcbf_gym.layers.jax import safety_filter  # noqa: E402
 
-BARRIERS = [
-    HalfPlane("wall", 1, normal=(0.8, 0.6), offset=-1.0),
-    Disc("disc", 2, center=(2.0, 0.1), radius=1.0, velocity=(0.1, 0.0)),
-    SpeedLimit("speed", 2, v_max=1.0),
-]
-
 
 @pytest.fixture(autouse=True)
 def _in_64_bit():
     with jax.enable_x64(True):
         yield
-
-
-def arrays(count=6):
-    rng = np.random.default_rng(0)
-    u_nominal, v = rng.normal(size=(2, count, 2))
-    return 3.0 * u_nominal, np.hstack([rng.uniform(-1.0, 3.0, (count, 2)), v])
 
 
 @pytest.mark.parametrize("settings", [{}, {"period": 0.05}, {"program": "r-cbf-qp"}], ids=str)
@@ -78,16 +66,6 @@ def test_32_bit_comes_back_where_jax_is_set_to_it():
         u = safety_filter(BARRIERS)(*arrays()).u
     assert u.dtype == np.float32
     np.testing.assert_allclose(u, safety_filter(BARRIERS)(*arrays()).u, rtol=1e-4, atol=1e-4)
-
-
-def test_wrong_shapes_are_refused():
-    function, (u_nominal, x) = safety_filter(BARRIERS), arrays()
-    with pytest.raises(InvalidInputError, match=r"x: got shape \(6, 3\), expected \(\.\.\., 4\)"):
-        function(u_nominal, x[:, :3])
-    with pytest.raises(InvalidInputError, match="expected leading axes that broadcast"):
-        function(u_nominal[:5], x)
-    with pytest.raises(InvalidInputError, match="expected leading axes that broadcast"):
-        function(u_nominal, x, t=np.zeros(5))
 
 
 def test_a_missing_jax_is_named_with_its_install_command(monkeypatch):

@@ -5,26 +5,17 @@ import sys
 
 import numpy as np
 import pytest
+from central_differences import BARRIERS, arrays
 from needs import remedy
 
-from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError
 
 torch = pytest.importorskip("torch", reason=remedy("torch"))
 from hcbf_gym.layers.torch import SafetyLayer  # noqa: E402
 
-BARRIERS = [
-    HalfPlane("wall", 1, normal=(0.8, 0.6), offset=-1.0),
-    Disc("disc", 2, center=(2.0, 0.1), radius=1.0, velocity=(0.1, 0.0)),
-    SpeedLimit("speed", 2, v_max=1.0),
-]
-
 
 def tensors(count=6):
-    rng = np.random.default_rng(0)
-    u_nominal, v = rng.normal(size=(2, count, 2))
-    x = np.hstack([rng.uniform(-1.0, 3.0, (count, 2)), v])
-    return [torch.tensor(one, requires_grad=True) for one in (3.0 * u_nominal, x)]
+    return [torch.tensor(one, requires_grad=True) for one in arrays(count)]
 
 
 @pytest.mark.parametrize("settings", [{}, {"period": 0.05}, {"program": "r-cbf-qp"}], ids=str)
@@ -79,7 +70,7 @@ def test_wrong_shapes_are_refused(place, shape, expected):
         layer(*given)
 
 
-def test_what_is_no_tensor_is_refused():
+def test_other_things_than_tensors_are_refused():
     with pytest.raises(InvalidInputError, match=r"x: got .* expected a Tensor"):
         SafetyLayer(BARRIERS)(tensors()[0], [0.0] * 4)
 

@@ -33,7 +33,7 @@ def advance_clock(gait: Gait, clock: float, quiet: bool, dt: float) -> float:
 
 
 @pytest.mark.parametrize("name", ["trot", "walk"])
-def test_each_foot_stands_for_the_gait_s_share_of_the_time(name):
+def test_each_foot_is_in_stance_for_the_gait_s_share_of_the_time(name):
     gait = GAITS[name]
     clocks = (np.arange(2000) + 0.5) * gait.period / 2000
     stance = np.array([standing(gait, c, np.zeros(4, bool)) for c in clocks])
@@ -126,7 +126,7 @@ def test_a_swing_is_smooth_clears_the_ground_and_lands_on_its_foothold():
 
 @examples
 @given(st.floats(-1.2, 1.2), st.floats(0.0, 2 * np.pi))
-def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, start):
+def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_oscillates(speed, start):
     gait, nominal = GAITS["trot"], _core.nominal_stance(MODEL.legs.hip)
     plan, reference = np.zeros(1, dtype=TARGETS), np.zeros(1, dtype=REFERENCE)
     targets = attributes(plan)
@@ -137,8 +137,8 @@ def test_a_foot_lands_nearly_at_rest_while_the_trunk_s_velocity_sways(speed, sta
     targets.motion[:, 0] = feet
     targets.foothold[:] = feet[:, :2]
     for tick in range(65, 130):  # the first half is FR's stance
-        sway = 0.05 * np.sin(start + 4 * np.pi * tick * DT / gait.period)  # twice a stride
-        velocity = np.array([speed + sway, 0.0, 0.0])
+        ripple = 0.05 * np.sin(start + 4 * np.pi * tick * DT / gait.period)  # twice a stride
+        velocity = np.array([speed + ripple, 0.0, 0.0])
         place[:2] += DT * velocity[:2]
         now = packed(gait, GAIT), tick * DT, np.zeros(4, bool)
         trunk = place, velocity, 0.0, 0.27

@@ -175,7 +175,7 @@ def test_a_solution_of_the_paper_s_form_obeys_newton(stance):
     assert (np.abs(x[18:30]) <= 33.5 + 1e-6).all()
 
 
-def test_a_program_without_a_solution_is_told_as_such():
+def test_a_program_without_a_solution_is_reported_as_such():
     program, _ = condensed(*problem(0, (1, 0, 0, 1))[:2])
     program.lower[2], program.upper[2] = 1.0, -1.0
     solution = qp.solve(program)

@@ -1,4 +1,4 @@
-"""What the walking robot notices of a plant that it was not told of."""
+"""The walking robot detects a plant that was not declared."""
 
 import gymnasium as gym
 import numpy as np
@@ -120,15 +120,15 @@ def test_slip_is_the_speed_at_which_planned_feet_move_over_the_ground():
 
 
 @pytest.mark.parametrize("delay", range(8))
-def test_lag_tells_delays_that_are_declared_from_those_that_are_not(delay):
-    rng, seen, bent = np.random.default_rng(delay), make_watch(), np.zeros((3, 12))
+def test_lag_separates_declared_delays_from_others(delay):
+    rng, seen, jerk = np.random.default_rng(delay), make_watch(), np.zeros((3, 12))
     torques = rng.normal(size=(320, 12)).cumsum(axis=0)
     for k in range(TICKS, 16 * TICKS):
         change = torques[k - 1 - delay] - torques[k - 2 - delay]
-        bent[:2] = bent[1:]
-        bent[2] = change + 2.0 * bent[1] - bent[0]
+        jerk[:2] = jerk[1:]
+        jerk[2] = change + 2.0 * jerk[1] - jerk[0]
         state = at_rest()
-        state[25:37] = bent[2]
+        state[25:37] = jerk[2]
         seen.tick(state, torques[k], SWINGING)
         if k % TICKS == TICKS - 1:
             seen.judge(0.0)

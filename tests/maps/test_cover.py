@@ -27,25 +27,28 @@ def test_the_covered_distance_never_exceeds_the_true_one_and_is_hardly_short_of_
     assert np.quantile((true - np.maximum(covered, 0.0))[near], 0.95) <= 1.5 * CELL
 
 
-def test_a_piece_holds_nothing_farther_than_a_cell_from_an_occupied_square():
-    ranked = room(1)
-    rng = np.random.default_rng(0)
-    points = rng.uniform([0.0, 0.0], [4.0, 3.0], (20_000, 2))
-    inside = points[ranked.distance(points, 1) <= 0.0]
-    assert true_distance(ranked, ranked.classes[0].cells, inside).max() <= CELL + 1e-6
-
-
 @pytest.mark.parametrize("turn", [0.0, 0.4, np.pi / 4])
-def test_a_door_narrows_by_two_cells_at_most(turn):
+def test_a_gap_narrows_by_two_cells_at_most(turn):
     rows, columns = np.indices((200, 200))
     along = np.cos(turn) * (columns - 100) + np.sin(turn) * (rows - 100)
     across = np.cos(turn) * (rows - 100) - np.sin(turn) * (columns - 100)
     wall = (np.abs(across) < 3.0) & (np.abs(along) > 10.0)
     ranked = RankedMap(Grid(CELL, (0, 0, 0), wall.shape), (MapClass("w", 1, "keepout", wall),))
     steps = np.linspace(-9.0, 9.0, 50)[:, None]
-    way = (100.5 + steps * np.array([[-np.sin(turn), np.cos(turn)]])) * CELL  # through the middle
-    true = true_distance(ranked, wall, way)
-    assert (true - ranked.distance(way, 1) <= CELL + 1e-6).all()
+    path = (100.5 + steps * np.array([[-np.sin(turn), np.cos(turn)]])) * CELL  # through the middle
+    true = true_distance(ranked, wall, path)
+    assert (true - ranked.distance(path, 1) <= CELL + 1e-6).all()
+
+
+def left(cover, piece, points):
+    """Return how far points (k, 2) are on the left of each edge of a piece (k, e)."""
+    corners = cover.corners[piece, : cover.sizes[piece]]
+    edges = np.roll(corners, -1, axis=0) - corners
+    offset = points[:, None] - corners
+    return edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0]
+
+
+CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of a cell
 
 
 @settings(max_examples=25, deadline=None)
@@ -59,12 +62,8 @@ def test_a_cover_after_a_change_covers_what_is_there_now(seed, r, c):
     cover = Cover.of(before).after(now, (r, c, r + window.shape[0], c + window.shape[1]))
     assert ((cover.owner >= 0) == now).all()
     for piece in np.unique(cover.owner[now]):
-        corners = cover.corners[piece, : cover.sizes[piece]]
-        edges = np.roll(corners, -1, axis=0) - corners
-        for low in np.argwhere(cover.owner == piece)[:, ::-1]:
-            for corner in low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]):
-                offset = corner - corners
-                assert (edges[:, 0] * offset[:, 1] - edges[:, 1] * offset[:, 0] >= 0).all()
+        lows = np.argwhere(cover.owner == piece)[:, ::-1]
+        assert (left(cover, piece, (lows[:, None] + CORNERS).reshape(-1, 2)) >= 0).all()
 
 
 def test_a_change_far_from_a_piece_leaves_it_as_it_is():
@@ -81,8 +80,7 @@ def test_a_change_far_from_a_piece_leaves_it_as_it_is():
     assert np.abs(changed.distance(points, 1) - anew.distance(points, 1)).max() <= 1.5 * CELL
 
 
-SIDE = 600
-HARD = dict(rasters(SIDE))
+HARD = dict(rasters(600))
 
 
 @pytest.mark.parametrize("name", HARD)
@@ -98,19 +96,10 @@ def test_a_cover_is_exact_whatever_the_raster(name):
     places = np.argwhere(cells)
     for row, column in places[rng.integers(len(places), size=300)]:
         piece = cover.owner[row, column]
+        assert (left(cover, piece, np.array([column, row]) + CORNERS) >= 0).all()
         corners = cover.corners[piece, : cover.sizes[piece]]
-        edges = np.roll(corners, -1, axis=0) - corners
-
-        def left(points, corners=corners, edges=edges):
-            """Return how far points (k, 2) are on the left of each edge, all edges in a row."""
-            offset = points[:, None] - corners
-            return edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0]
-
-        own = np.array([column, row]) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        assert (left(own) >= 0).all()
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        points = rng.uniform(low, high, (200, 2))
-        points = points[(left(points) > 1e-9).all(axis=1)]
+        points = rng.uniform(corners.min(axis=0), corners.max(axis=0), (200, 2))
+        points = points[(left(cover, piece, points) > 1e-9).all(axis=1)]
         column_of, row_of = np.floor(points).astype(int).T
         assert near[row_of, column_of].all()
 

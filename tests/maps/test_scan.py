@@ -141,8 +141,8 @@ def test_dropped_beams_leave_no_hole_and_openings_stay_open():
         scan = Scan("laser", points_of(dropped, ANGLES), (x, y, yaw))
         np.testing.assert_allclose(h(scan, HERE[None]), OFF - HERE @ NORMAL, atol=0.01)
         assert h(scan, gap).max() <= 0.0
-        door = beams_at_the_wall(np.array([x, y, yaw]), openings=[(middle - 0.4, middle + 0.4)])
-        free = h(Scan("laser", points_of(door, ANGLES), (x, y, yaw)), gap[:1])[0]
+        gapped = beams_at_the_wall(np.array([x, y, yaw]), openings=[(middle - 0.4, middle + 0.4)])
+        free = h(Scan("laser", points_of(gapped, ANGLES), (x, y, yaw)), gap[:1])[0]
         assert 0.38 < free < 0.45
 
 
@@ -171,21 +171,14 @@ def test_a_ring_around_the_sensor_is_closed():
         assert h(scan, np.column_stack([np.cos(turn), np.sin(turn)])).max() < FINE
 
 
-def test_nothing_in_sight_is_free():
+def test_nothing_in_sight_is_free_and_what_is_too_near_to_be_measured_lies_at_the_sensor():
     nothing = np.full(360, np.inf)
-    assert h(Scan("laser", points_of(nothing, ANGLES), POSE), np.zeros((1, 2)))[0] > 100.0
-    assert h(Scan("tracker", [], POSE), np.zeros((1, 2)))[0] > 100.0
-
-
-def test_what_is_nearer_than_can_be_measured_lies_at_the_sensor():
-    ranges = np.where(np.arange(360) == 7, -np.inf, np.inf)
-    assert h(Scan("laser", points_of(ranges, ANGLES), POSE), np.array([POSE[:2]]))[0] <= 0.0
-
-
-def test_a_point_just_within_reach_is_seen():
-    far = np.nextafter(REACH, 0.0)
-    scan = Scan("tracker", [[far, far]], (0.0, 0.0, 0.0))
-    assert h(scan, np.array([[far, far]]))[0] <= 0.0
+    for points in (points_of(nothing, ANGLES), []):
+        assert h(Scan("laser", points, POSE), np.zeros((1, 2)))[0] > 100.0
+    nothing[7] = -np.inf
+    assert h(Scan("laser", points_of(nothing, ANGLES), POSE), np.array([POSE[:2]]))[0] <= 0.0
+    far = np.nextafter(REACH, 0.0)  # a point just within reach is seen
+    assert h(Scan("tracker", [[far, far]], (0.0, 0.0, 0.0)), np.array([[far, far]]))[0] <= 0.0
 
 
 def test_speed_times_period_is_reserved_all_the_time():
@@ -193,31 +186,22 @@ def test_speed_times_period_is_reserved_all_the_time():
     assert scan.conditions[0].margin == pytest.approx(0.27 + FINE)
 
 
-@pytest.mark.parametrize(
-    "bent",
-    [
-        {"points": [[1.0, 2.0, 3.0]]},
-        {"points": ["a"]},
-        {"points": [[np.nan, 0.0]]},
-        {"pose": (0.0, np.nan, 0.0)},
-        {"period": -0.1},
-        {"depth": 0.0},
-        {"noise": np.nan},
-        {"speed": np.inf},
-    ],
-)
-def test_a_bent_scan_is_refused(bent):
+MALFORMED = (
+    {"points": [[1.0, 2.0, 3.0]]}, {"points": ["a"]}, {"points": [[np.nan, 0.0]]},
+    {"pose": (0.0, np.nan, 0.0)}, {"period": -0.1}, {"depth": 0.0}, {"noise": np.nan},
+    {"speed": np.inf},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("malformed", MALFORMED)
+def test_a_malformed_scan_is_refused(malformed):
     with pytest.raises(InvalidInputError, match="laser"):
-        Scan(**({"name": "laser", "points": [[1.0, 0.0]], "pose": POSE} | bent))
+        Scan(**({"name": "laser", "points": [[1.0, 0.0]], "pose": POSE} | malformed))
+    with pytest.raises(InvalidInputError, match="got NaN"):  # a beam that failed saw something
+        points_of(np.where(np.arange(360) == 7, np.nan, np.inf), ANGLES)
 
 
-def test_a_beam_that_failed_is_not_one_that_saw_nothing():
-    ranges = np.where(np.arange(360) == 7, np.nan, np.inf)
-    with pytest.raises(InvalidInputError, match="got NaN"):
-        Scan("laser", points_of(ranges, ANGLES), POSE)
-
-
-def test_who_pays_is_named_with_the_place():
+def test_a_class_that_is_relaxed_is_named_with_the_place():
     ranked = room(0, mats=MapClass("mats", 2, "keepout", cells(3)))
     at = np.array([2.0, 1.5])
     (only,) = paying(ranked, at, [0.0, 0.3])
@@ -229,22 +213,17 @@ def test_who_pays_is_named_with_the_place():
 
 def test_a_map_beside_new_scans_stays_where_it_stands():
     rng, floor = np.random.default_rng(4), room(0)
-    last, arrays, at = (
-        None,
-        [],
-        np.column_stack([rng.uniform(0.0, 4.0, (20, 2)), np.zeros((20, 2))]),
-    )
+    at = np.column_stack([rng.uniform(0.0, 4.0, (20, 2)), np.zeros((20, 2))])
+    last, arrays = None, []
     for k in range(60):
         scan = Scan("laser", rng.uniform(-2.0, 2.0, (3, 2)), (2.0, 2.0, 0.1 * k))
         listed = [Disc("post", 1, (1.0, 1.0), 0.1)] if k % 20 == 19 else [floor, scan]
         made = BarrierSet([listed], last)
-        np.testing.assert_array_equal(
-            made.along(at, np.zeros(20)), BarrierSet([listed]).along(at, np.zeros(20))
-        )
-        if last is not None and len(last.listed[0]) == 2:  # the old set still says what it said
-            np.testing.assert_array_equal(
-                last.along(at, np.zeros(20)), BarrierSet(last.listed).along(at, np.zeros(20))
-            )
+        anew = BarrierSet([listed]).along(at, np.zeros(20))
+        np.testing.assert_array_equal(made.along(at, np.zeros(20)), anew)
+        if last is not None and len(last.listed[0]) == 2:  # the old set is as it was
+            again = BarrierSet(last.listed).along(at, np.zeros(20))
+            np.testing.assert_array_equal(last.along(at, np.zeros(20)), again)
         if made.atlas:
             arrays.append(made.atlas.numbers)
         last = made
@@ -253,24 +232,24 @@ def test_a_map_beside_new_scans_stays_where_it_stands():
 
 
 @pytest.mark.parametrize(("speed", "warned"), [(0.5, False), (3.0, True)])
-def test_a_robot_that_must_see_farther_than_a_scan_reaches_says_so(speed, warned):
+def test_a_robot_that_must_see_farther_than_a_scan_reaches_is_warned_of(speed, warned):
     response = Response(time_constant=0.1, delay=0.02, braking=0.8, residual=(0.01, 0.02, 0.05))
     robot = Robot(Command(speed, 1.0, sideways=speed), response, reach=0.2)
     seen = Scan("laser", np.array([[5.9, 0.0], [5.9, 0.1]]), (0.0, 0.0, 0.0))
     with warnings.catch_warnings(record=True) as raised:
         warnings.simplefilter("always")
         safe = VelocityFilter(robot, [], period=0.05)
-        ways = (
+        setters = (
             lambda: VelocityFilter(robot, [seen], period=0.05),
             lambda: setattr(safe, "barriers", [seen]),  # before its first step
             lambda: safe.step((0.0, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0),
             lambda: safe.set_barriers((seen,), 0.0),
         )
-        for hand_over, warns in zip(ways, (True, True, False, True), strict=True):
+        for set_barriers, warns in zip(setters, (True, True, False, True), strict=True):
             raised.clear()
-            hand_over()
-            said = [one for one in raised if "must see" in str(one.message)]
-            assert len(said) == (warned and warns)
+            set_barriers()
+            found = [one for one in raised if "must see" in str(one.message)]
+            assert len(found) == (warned and warns)
         raised.clear()
         reach = safe.horizon + seen.reserved
         safe.barriers = [Scan("farther", seen.points, seen.pose, reach=reach)]

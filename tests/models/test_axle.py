@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models import axle as drives
 from hcbf_gym.models.axle import Axle
 
 CART = Axle(look_ahead=0.25, forward=1.2, turn=2.5, braking=1.5)
@@ -26,10 +26,12 @@ def point_state(cart, place, heading, v, turning):
 def test_the_axle_is_found_from_its_point(heading, v, turning):
     x = point_state(CART, (0.3, -0.2), heading, 1.2 * v, 2.5 * turning)
     found = np.empty(4)
-    drives.place(CART, x, heading, found)
+    _core.axle_place(CART, x, heading, found)
     e = np.array([np.cos(heading), np.sin(heading)])
     np.testing.assert_allclose(found, [0.3, -0.2, *(1.2 * v * e)], atol=1e-12)
-    np.testing.assert_allclose(drives.speeds(CART, x, heading), (1.2 * v, 2.5 * turning), atol=1e-9)
+    np.testing.assert_allclose(
+        _core.axle_speeds(CART, x, heading), (1.2 * v, 2.5 * turning), atol=1e-9
+    )
 
 
 @given(headings, shares, shares, st.integers(0, 3), st.sampled_from([0.02, 0.05, 0.1]))
@@ -37,7 +39,7 @@ def test_every_corner_of_u_retains_the_limits(heading, v, turning, corner, perio
     v, turning = 1.2 * v, 2.5 * turning
     x = point_state(CART, (0.0, 0.0), heading, v, turning)
     u = np.empty((4, 2))
-    drives.corners(CART, x, heading, period, u)
+    _core.axle_corners(CART, x, heading, period, u)
     e = np.array([np.cos(heading), np.sin(heading)])
     along, across = u[corner] @ e, u[corner] @ np.array([-e[1], e[0]])
     assert max(abs(along), abs(across)) <= CART.braking + 1e-9
@@ -49,7 +51,7 @@ def test_every_corner_of_u_retains_the_limits(heading, v, turning, corner, perio
 def test_u_is_a_rectangle_that_turns_with_the_heading_even_beyond_the_limits(heading, v, turning):
     x = point_state(CART, (0.0, 0.0), heading, v, turning)
     u = np.empty((4, 2))
-    drives.corners(CART, x, heading, 0.05, u)
+    _core.axle_corners(CART, x, heading, 0.05, u)
     sides = np.roll(u, -1, axis=0) - u
     turns = sides[:, 0] * np.roll(sides, -1, axis=0)[:, 1]
     turns -= sides[:, 1] * np.roll(sides, -1, axis=0)[:, 0]

@@ -18,4 +18,4 @@ def test_an_age_is_accepted_from_a_tenth_ahead_to_the_oldest_and_else_named(olde
         assert here == bool(clocks.is_accepted(age, oldest))
         assert here == (math.isfinite(age) and -AHEAD <= age <= oldest)
         if not here and math.isfinite(age):
-            assert ("ahead" if age < 0.0 else "old") in clocks.says(age, oldest)
+            assert ("ahead" if age < 0.0 else "old") in clocks.refusal(age, oldest)

@@ -32,34 +32,27 @@ def between(local, pose):
 
 
 def drive(robot, barriers, seconds, wanted, *, corrects=True, share=1.0, how="frame"):
-    """Drive with odometry of its own frame, which is corrected every half second, at random.
+    """Drive with odometry in a frame that is corrected every half second, at random.
 
-    Args:
-        robot: of `ROBOTS`.
-        barriers: of the filter.
-        seconds: how long.
-        wanted: (3,) the command.
-        corrects: whether the localization corrects.
-        share: of what it is told that the robot does.
-        how: whether the filter is told of "frame", or the "pose" is corrected without a word.
+    The robot does a share of its command. The filter gets the "frame", or corrected "pose"s.
     """
-    door = VelocityFilter(ROBOTS[robot], barriers, period=PERIOD)
+    safe = VelocityFilter(ROBOTS[robot], barriers, period=PERIOD)
     rng, true, odometry = np.random.default_rng(3), np.zeros(3), np.array([40.0, -7.0, 2.0])
-    frame, told, log = between(odometry, true), np.zeros(3), []
+    frame, doing, log = between(odometry, true), np.zeros(3), []
     wanted = np.array(wanted)
     for k in range(round(seconds / PERIOD)):
         if corrects and k % 10 == 0:
-            believed = true + rng.uniform(-1.0, 1.0, 3) * SMALL
-            frame = between(odometry, believed)
+            measured = true + rng.uniform(-1.0, 1.0, 3) * SMALL
+            frame = between(odometry, measured)
         command = wanted[[0, 2]] if robot == "cart" else wanted
         if how == "frame":
-            out, report = door.step(command, odometry, told, k * PERIOD, frame=frame)
+            out, report = safe.step(command, odometry, doing, k * PERIOD, frame=frame)
         else:
-            out, report = door.step(command, placed(frame, odometry), told, k * PERIOD)
-        told = share * (np.array([out[0], 0.0, out[1]]) if robot == "cart" else out)
-        middle = np.array([0.0, 0.0, 0.5 * PERIOD * told[2]])
-        moves = placed(middle, PERIOD * np.array([told[0], told[1], 0.0]))
-        moves[2] = PERIOD * told[2]
+            out, report = safe.step(command, placed(frame, odometry), doing, k * PERIOD)
+        doing = share * (np.array([out[0], 0.0, out[1]]) if robot == "cart" else out)
+        middle = np.array([0.0, 0.0, 0.5 * PERIOD * doing[2]])
+        moves = placed(middle, PERIOD * np.array([doing[0], doing[1], 0.0]))
+        moves[2] = PERIOD * doing[2]
         true, odometry = placed(true, moves), placed(odometry, moves)
         log.append((true, out, int(report["status"]), Reason(int(report["reason"]))))
     return log
@@ -75,7 +68,7 @@ def test_corrections_are_no_alarm_and_the_robot_stops_before_the_wall(robot):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_same_corrections_without_a_word_are_an_alarm(robot):
+def test_the_same_corrections_of_the_pose_are_an_alarm(robot):
     log = drive(robot, [WALL], 30.0, (0.8, 0.0, 0.0), how="pose")
     assert any(reason >= FIRST_ALARM for *_, reason in log)
 
@@ -97,13 +90,13 @@ def test_far_from_everything_a_correction_changes_no_command(robot):
 
 
 @pytest.mark.parametrize("frame", [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 1.0), "map"])
-def test_a_frame_that_is_none_is_not_believed(frame):
-    door = VelocityFilter("cart", [FAR], period=PERIOD)
+def test_an_invalid_frame_is_not_accepted(frame):
+    safe = VelocityFilter("cart", [FAR], period=PERIOD)
     for k in range(10):
         given = frame if k == 5 else (0.0, 0.0, 0.0)
-        told, report = door.step((0.5, 0.0), np.zeros(3), np.zeros(3), k * PERIOD, frame=given)
+        doing, report = safe.step((0.5, 0.0), np.zeros(3), np.zeros(3), k * PERIOD, frame=given)
         assert (report["status"] == FilterStatus.BACKUP) == (k == 5)
-        assert told.any() == (k != 5)
+        assert doing.any() == (k != 5)
 
 
 def test_a_frame_that_is_not_known_any_more_is_not_taken_for_none():
@@ -115,11 +108,11 @@ def test_a_frame_that_is_not_known_any_more_is_not_taken_for_none():
     for k, frame in enumerate([(3.0, 0.0, 0.0)] * 3 + [None] * 3 + [(3.0, 0.0, 0.0)] * 2):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            told, report = safe.step((0.5, 0.0), here, still, 0.05 * k, frame=frame)
+            doing, report = safe.step((0.5, 0.0), here, still, 0.05 * k, frame=frame)
         statuses.append(report["status"])
         if frame is None:
             assert report["reason"] == Reason.STATE
-            assert np.abs(told).max() == 0.0
+            assert np.abs(doing).max() == 0.0
         else:
             assert report["h"][0] == pytest.approx(1.0, abs=0.3)
     assert statuses[3:6] == [FilterStatus.BACKUP] * 3

@@ -50,19 +50,19 @@ REDUCED = ("--model", "reduced", "--scenario", "paper-simulation")
 def playground(*arguments):
     command = [sys.executable, "-m", "hcbf_gym.cli", "play", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    said = []
+    printed = []
     try:
         for line in process.stdout:
-            said.append(line)
+            printed.append(line)
             if found := re.search(r"http://\S+", line):
                 break
         else:
-            pytest.fail(f"hcbf play ended: {''.join(said)}")
-        yield found[0], "".join(said)
+            pytest.fail(f"hcbf play ended: {''.join(printed)}")
+        yield found[0]
     finally:
         process.terminate()
         rest, _ = process.communicate(timeout=PATIENCE)
-    assert "Traceback" not in "".join(said) + rest
+    assert "Traceback" not in "".join(printed) + rest
 
 
 def pixel(point, width=WIDTH, height=HEIGHT):
@@ -95,17 +95,17 @@ class Visit:
             ".map(part => [part.dataset.reading, part.textContent]))"
         )
 
-    def says(self, name):
+    def reading(self, name):
         return self.readings()[name]
 
     def number(self, name):
-        return float(re.match(r"[+-]?[\d.]+", self.says(name))[0])
+        return float(re.match(r"[+-]?[\d.]+", self.reading(name))[0])
 
     def position(self):
-        return tuple(map(float, re.findall(r"-?[\d.]+", self.says("position"))))
+        return tuple(map(float, re.findall(r"-?[\d.]+", self.reading("position"))))
 
     def happens(self, condition, within=PATIENCE):
-        """Tell whether a condition comes to hold within so many seconds."""
+        """Return whether a condition comes to hold within so many seconds."""
         end = time.monotonic() + within
         while not condition():
             if time.monotonic() > end:
@@ -127,8 +127,8 @@ class Visit:
         self.until(stays, "a field to settle")
         return seen[-1]
 
-    def until_said(self, name, text):
-        self.until(lambda: text in self.says(name), f"{name} to say {text!r}")
+    def until_reads(self, name, text):
+        self.until(lambda: text in self.reading(name), f"{name} to read {text!r}")
 
     def tab(self, name):
         self.page.get_by_role("tab", name=name).click()
@@ -152,9 +152,9 @@ class Visit:
             box.press("Enter")
 
     def shows_the_scene(self, x, y):
-        """Tell whether a pixel shows the scene; a notice that lies over it is closed first.
+        """Return whether a pixel shows the scene; a notice that lies over it is closed first.
 
-        Where WebGL draws in software, viser says so in a notice that stays over the scene.
+        Where WebGL draws in software, viser shows a notice that stays over the scene.
         """
         notices = self.page.locator(".mantine-Notification-closeButton")
         if notices.count():
@@ -236,7 +236,7 @@ def steer_into_rank_1(visit):
 
 
 def push_into_rank_1(visit):
-    """Push, harder each time, and tell whether the robot has been inside."""
+    """Push, harder each time, and return whether the robot has been inside."""
     for force in (60.0, 70.0, 80.0, 90.0):
         visit.type("push [N]", -force, -force)
         visit.button("push the trunk")
@@ -252,14 +252,14 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
     file = tmp_path / "course.json"
     file.write_bytes(editing.to_json(SCENE))
     first = ("--scenario", str(file), "--policy", "human", "--program", "eh-cbf-qp")
-    with playground("--port", "0", *first) as (url, _):
+    with playground("--port", "0", *first) as url:
         visit = Visit(browser, url)
         visit.until(lambda: visit.number("time") > 1.0, "the robot")
-        assert visit.says("program") == "eh-cbf-qp"
+        assert visit.reading("program") == "eh-cbf-qp"
         visit.field("follow the robot").first.click()  # else pixels move while a slow hand drags
         visit.tab("Filter")
         visit.choose("program", "lex-cbf-qp")
-        visit.until_said("program", "lex-cbf-qp")
+        visit.until_reads("program", "lex-cbf-qp")
         album(visit, "program")
 
         drag_the_region_over_the_way(visit)
@@ -268,9 +268,9 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
         seen = steer_into_rank_1(visit)
         album(visit, "steered")
         visit.page.mouse.up()
-        assert min(float(said["least-1"].split()[0]) for said in seen) >= 0.0
+        assert min(float(one["least-1"].split()[0]) for one in seen) >= 0.0
         assert float(seen[-1]["h-1"].split()[0]) < 0.3  # it did press against the region
-        statuses = {said["status"] for said in seen}
+        statuses = {one["status"] for one in seen}
         assert "SAFE" in statuses
         assert statuses <= {"NOMINAL", "SAFE", "RELAXED"}
 
@@ -282,7 +282,7 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
             steer_into_rank_1(visit)
             visit.page.mouse.up()
         visit.until(lambda: visit.number("h-1") >= 0.0, "the robot to come out")
-        visit.until(lambda: visit.says("status") in ("NOMINAL", "SAFE"), "the robot to recover")
+        visit.until(lambda: visit.reading("status") in ("NOMINAL", "SAFE"), "the robot to recover")
         album(visit, "pushed")
 
         visit.tab("Plots")
@@ -292,8 +292,8 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
         album(visit, "plots")
 
         visit.field("pause").first.click()
-        visit.until_said("state", "paused")
-        still = visit.says("time")
+        visit.until_reads("state", "paused")
+        still = visit.reading("time")
         visit.tab("Scene")
         with visit.page.expect_download() as download:
             visit.button("save the scene")
@@ -301,20 +301,20 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
         download.value.save_as(saved)
         kept = scenarios.load(saved)
         assert np.allclose(editing.region(kept, "strict").center, (-2.2, 0.0), atol=0.2)
-        assert visit.says("time") == still
+        assert visit.reading("time") == still
         album(visit, "paused")
 
         renamed = tmp_path / "renamed.json"
         renamed.write_text(json.dumps(json.loads(saved.read_text()) | {"name": "again"}))
         visit.page.locator('input[type="file"]').set_input_files(renamed)
-        visit.until_said("scene", "again")
+        visit.until_reads("scene", "again")
         assert visit.number("time") < float(still)
         assert editing.region(kept, "strict") == editing.region(scenarios.load(renamed), "strict")
         album(visit, "loaded")
 
 
-def test_what_cannot_be_done_is_said_in_the_page(browser, tmp_path, album):
-    with playground("--port", "0", *REDUCED) as (url, _):
+def test_a_refused_command_is_reported_in_the_page(browser, tmp_path, album):
+    with playground("--port", "0", *REDUCED) as url:
         visit = Visit(browser, url)
         visit.tab("Scene")
         visit.choose("region", "h3 region 1")
@@ -323,48 +323,48 @@ def test_what_cannot_be_done_is_said_in_the_page(browser, tmp_path, album):
         before = visit.settled(size)
         size.fill("0")
         size.press("Enter")
-        visit.until_said("message", "expected a number > 0")
+        visit.until_reads("message", "expected a number > 0")
         visit.until(lambda: size.input_value() == before, "the slider to go back")
         album(visit, "radius")
         broken = tmp_path / "broken.json"
         broken.write_text("{")
         visit.page.locator('input[type="file"]').set_input_files(broken)
-        visit.until_said("message", "is no JSON")
-        assert visit.says("scene") == "paper-simulation"
+        visit.until_reads("message", "is no JSON")
+        assert visit.reading("scene") == "paper-simulation"
         album(visit, "broken")
 
 
-def test_of_two_browsers_one_steers_and_a_closed_tab_hands_over(browser, album):
-    with playground("--port", "0", *REDUCED) as (url, _):
+def test_of_two_browsers_one_steers_and_a_closed_tab_frees_the_controls(browser, album):
+    with playground("--port", "0", *REDUCED) as url:
         first, second = Visit(browser, url), Visit(browser, url)
         first.choose("policy", "human")
-        second.until_said("policy", "human")
+        second.until_reads("policy", "human")
         second.choose("policy", "pd")
         second.page.get_by_text("Somebody else steers").first.wait_for()
-        assert first.says("policy") == "human"
+        assert first.reading("policy") == "human"
         album(second, "refused")
         second.button("take the controls")
         second.page.get_by_text("You steer").first.wait_for()
         second.choose("policy", "pd")
-        first.until_said("policy", "pd")
+        first.until_reads("policy", "pd")
         second.page.close()
-        first.until_said("steering", "nobody steers")
+        first.until_reads("steering", "no one steers")
         first.choose("policy", "human")
-        first.until_said("policy", "human")
+        first.until_reads("policy", "human")
 
 
 def test_a_phone_sees_a_robot_under_way_and_the_panel(browser, album):
-    with playground("--port", "0", "--model", "reduced") as (url, _):
+    with playground("--port", "0", "--model", "reduced") as url:
         visit = Visit(browser, url, 390, 844)
-        assert visit.says("program") == "lex-cbf-qp"
+        assert visit.reading("program") == "lex-cbf-qp"
         visit.until(lambda: visit.number("time") > 1.0, "the robot")
-        assert visit.number("time") < 60.0  # it waited for somebody to watch
-        assert "derived" in visit.says("margin")
+        assert visit.number("time") < 60.0  # it waited for a browser
+        assert "derived" in visit.reading("margin")
         for place in itertools.product((0.5, -0.5), (0.5, 0.8, 1.1)):  # some lie in a region
             visit.click_on(place)
-            if visit.happens(lambda: "The goal is at " in visit.says("message"), PATIENCE / 48):
+            if visit.happens(lambda: "The goal is at " in visit.reading("message"), PATIENCE / 48):
                 break
-        visit.until_said("message", "The goal is at ")
+        visit.until_reads("message", "The goal is at ")
         sheet = visit.page.locator(".mantine-Paper-root", has=visit.page.locator("[data-reading]"))
         place = sheet.bounding_box()
         assert place["width"] == 390

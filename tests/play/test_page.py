@@ -47,7 +47,7 @@ def test_a_sender_wakes_though_its_event_is_set_while_it_goes_to_sleep(monkeypat
         loop = asyncio.get_running_loop()
         event = ThreadSafeEvent(loop)
 
-        def ring():  # what asyncio asks for between its look at the event and its wait
+        def ring():  # asyncio calls it between its look at the event and its wait
             other = threading.Thread(target=event.set)
             other.start()
             other.join()
@@ -75,7 +75,7 @@ def test_all_senders_of_a_page_have_thread_safe_events(session):
         assert all(isinstance(sender.message_event, ThreadSafeEvent) for sender in senders)
 
 
-def test_a_port_that_is_taken_is_refused_when_asked_for(session, taken):
+def test_a_port_that_is_taken_is_refused_when_requested(session, taken):
     with pytest.raises(InvalidInputError, match=f"port: got {taken} .*free"):
         Page(session, taken)
 
@@ -105,16 +105,16 @@ def test_the_command_ends_in_one_line_before_anything_is_served(tmp_path, argume
     assert "\n" not in str(ended.value)
 
 
-def test_the_command_says_where_the_page_is_when_its_usual_port_is_taken(
+def test_the_command_prints_where_the_page_is_when_its_usual_port_is_taken(
     session, monkeypatch, capsys, taken
 ):
     monkeypatch.setattr(command, "FIRST_PORT", taken)
     monkeypatch.setattr("hcbf_lab.play.page.FIRST_PORT", taken)
     monkeypatch.setattr(Page, "run", lambda *_: None)
     command.main(command.Args(model="reduced", scenario="paper-simulation"))
-    said = capsys.readouterr().out
-    assert f"Port {taken} is taken." in said
-    assert f"http://127.0.0.1:{taken}/" not in said
+    printed = capsys.readouterr().out
+    assert f"Port {taken} is taken." in printed
+    assert f"http://127.0.0.1:{taken}/" not in printed
 
 
 def test_the_first_who_touches_steers_until_it_leaves_or_another_takes_over():

@@ -107,11 +107,11 @@ def test_a_command_gives_the_numbers_of_a_loop_by_hand(where, form, tmp_path, mo
         "evaluate", f"--env={name}", *arguments, f"--policy={policy_name}", "--program=lex-cbf-qp",
         f"--steps={STEPS}", "--workers=1", "--seed=3", "--output=out",
     ])  # fmt: skip
-    told = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    written_rows = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     policy = named.make(policy_name, env)
     env = wrappers.SafetyFilter(env, plant=plant)
     total, changed = by_hand(env, policy, 3, STEPS)
-    (row,) = told["episodes"]
+    (row,) = written_rows["episodes"]
     assert row["return"] == pytest.approx(total, rel=1e-9)
     assert row["intervention_rms"] == pytest.approx(changed, rel=1e-9)
 

@@ -74,7 +74,7 @@ def test_a_function_in_a_module_of_the_current_folder_acts(own, env, monkeypatch
     np.testing.assert_allclose(asked(policies.make("own:act", env), OBSERVATION), WANTED)
 
 
-def test_every_episode_has_an_instance_of_a_class_of_its_own(own, env):
+def test_every_episode_has_its_own_instance_of_a_class(own, env):
     for _ in range(2):
         policy = policies.make(f"{own / 'own.py'}:Counting", env)
         assert [asked(policy, OBSERVATION)[0] for _ in range(3)] == [1.0, 2.0, 3.0]
@@ -111,7 +111,7 @@ def test_a_torch_module_acts(tmp_path, env, form):
 
 
 @needs("torch")
-def test_what_is_no_module_is_refused_in_a_sentence(tmp_path, env):
+def test_a_file_without_a_module_is_refused_in_a_sentence(tmp_path, env):
     import torch
 
     torch.save(torch.nn.Linear(N, 2).state_dict(), tmp_path / "weights.pt")
@@ -170,7 +170,7 @@ def test_a_zip_in_other_ranges_is_stretched_and_one_of_other_spaces_refused(tmp_
         ("missing.zip", "expected an existing file"),
     ],
 )
-def test_what_is_no_policy_is_refused_in_a_sentence(own, env, monkeypatch, name, message):
+def test_a_malformed_policy_is_refused_in_a_sentence(own, env, monkeypatch, name, message):
     (own / "broken.py").write_text("def act(:\n", encoding="utf-8")
     monkeypatch.chdir(own)
     with pytest.raises(InvalidInputError, match=message):
@@ -179,7 +179,7 @@ def test_what_is_no_policy_is_refused_in_a_sentence(own, env, monkeypatch, name,
 
 def test_an_unknown_name_is_answered_with_what_there_is(env):
     with pytest.raises(UnknownNameError, match=r"pd-ff.*ppo.*file\.py:function"):
-        policies.make("nobody", env)
+        policies.make("missing", env)
 
 
 def test_a_registered_policy_is_made_by_its_name():

@@ -9,7 +9,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.suites.verify_programs import random_rows
-from hcbf_gym import programs
+from hcbf_gym import _core, programs
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.programs import CbfRows, FilterStatus
@@ -309,11 +309,10 @@ def test_more_weight_never_relaxes_more(name, seed):
 
 def test_weights_follow_the_papers_law():
     program = programs.make("h-cbf-qp", gamma0=[2.0, 3.0], delta_gamma=1.5)
-    rows = CbfRows(
-        np.zeros((4, 2)), np.zeros(4), np.array([1.0, 0.5, -2.0, -1.0]), np.array([1, 2, 2, 3])
-    )
-    weight = program.prices.weights.of(rows.priority, rows.h)
-    np.testing.assert_allclose(weight[1:], [2.0, 2.0 * 4.0, 3.0 * 2.5])
+    table = program.prices.weights[0]
+    ranked = [(2, 0.5), (2, -2.0), (3, -1.0), (4, -1.0)]
+    weights = [_core.row_weight(table, rank, h) for rank, h in ranked]
+    np.testing.assert_allclose(weights, [2.0, 2.0 * 4.0, 3.0 * 2.5, 3.0 * 2.5])
 
 
 def test_rows_of_one_priority_are_one_stage_whatever_their_order():

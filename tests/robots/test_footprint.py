@@ -13,15 +13,17 @@ COMMAND = Command(forward=0.5, turn=1.0, look_ahead=0.2)
 L_SHAPE = [[-0.2, -0.2], [0.4, -0.2], [0.4, 0.0], [0.1, 0.0], [0.1, 0.3], [-0.2, 0.3]]
 
 
-def test_nav2s_text_and_a_list_say_the_same():
+def test_nav2s_text_and_a_list_mean_the_same():
     text = "[ [0.21, .195], [0.21, -0.195], [-0.21, -0.195], [-0.21, 0.195] ]"
     expected = math.hypot(0.21, 0.195)
-    assert footprint.reach(text) == pytest.approx(expected)
-    corners = footprint.corners(text)
-    assert footprint.reach(corners[::-1]) == pytest.approx(expected)
-    assert footprint.reach([*corners, corners[0]]) == pytest.approx(expected)  # closed
+    corners = [[0.21, 0.195], [0.21, -0.195], [-0.21, -0.195], [-0.21, 0.195]]
+    for outline in (text, corners, corners[::-1], [*corners, corners[0]]):
+        assert footprint.reach(outline) == pytest.approx(expected)
+    assert footprint.reach(L_SHAPE) == pytest.approx(math.hypot(0.4, 0.2))
     assert Robot(COMMAND, footprint=text).reach == pytest.approx(expected)
     assert Robot(COMMAND, reach=0.5, footprint=text).reach == 0.5
+    behind = [[0.0, 0.2], [0.4, 0.2], [0.4, -0.2], [0.0, -0.2]]  # the axle is on an edge
+    assert footprint.reach(behind) == pytest.approx(math.hypot(0.4, 0.2))
 
 
 def test_every_point_of_a_random_outline_lies_in_its_circle_and_one_on_it():
@@ -37,11 +39,7 @@ def test_every_point_of_a_random_outline_lies_in_its_circle_and_one_on_it():
         assert footprint.reach(mirrored) == pytest.approx(distance.max(), abs=1e-12)
 
 
-def test_a_concave_outline_is_one():
-    assert footprint.reach(L_SHAPE) == pytest.approx(math.hypot(0.4, 0.2))
-
-
-BENT = {
+MALFORMED = {
     "no text of Nav2's": "[[0.2, 0.1], [0.2",
     "NaN in a text": "[[nan, 0.1], [0.2, -0.1], [-0.2, 0.0]]",
     "code": "__import__('os').getcwd()",
@@ -53,31 +51,11 @@ BENT = {
     "two corners": [[0.2, 0.1], [-0.2, -0.1]],
     "one corner again and again": [[0.2, 0.1]] * 5,
     "zero width": [[-0.2, 0.0], [0.2, 0.0], [0.1, 0.0]],
-    "self-crossing": [[-0.2, -0.2], [0.2, 0.2], [0.2, -0.2], [-0.2, 0.2]],
-    "a spike": [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [1.0, 2.0], [1.0, 1.0], [-1.0, 1.0]],
     "the axle outside": [[0.1, 0.1], [0.5, 0.1], [0.5, 0.5]],
-    "the axle in the bay": [[-0.2, -0.3], [0.4, -0.3], [0.4, -0.1], [-0.1, -0.1], [-0.1, 0.4]],
 }
 
 
-@pytest.mark.parametrize("bent", BENT)
-def test_what_is_no_outline_is_refused_in_words(bent):
+@pytest.mark.parametrize("malformed", MALFORMED)
+def test_anything_but_an_outline_is_refused_in_words(malformed):
     with pytest.raises(InvalidInputError, match=r"footprint: .*expected"):
-        Robot(COMMAND, footprint=BENT[bent])
-
-
-def test_footprints_whose_order_is_shuffled_are_refused_or_outlines():
-    rng = np.random.default_rng(1)
-    refused = 0
-    for _ in range(100):
-        angles = np.linspace(0.0, math.tau, 9)[:-1]
-        points = 0.5 * np.column_stack([np.cos(angles), np.sin(angles)])
-        order = rng.permutation(8)
-        steps = np.diff(order, append=order[0]) % 8
-        in_order = len(set(steps.tolist())) == 1 and steps[0] in (1, 7)
-        try:
-            footprint.reach(points[order])
-            assert in_order
-        except InvalidInputError:
-            refused += 1
-    assert refused > 90
+        Robot(COMMAND, footprint=MALFORMED[malformed])

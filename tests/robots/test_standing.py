@@ -1,9 +1,8 @@
-"""A cap under which a robot hardly moves is warned of, at every door."""
+"""A cap under which a robot hardly moves is warned of, however it is set."""
 
-import json
 import shutil
 import warnings
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -25,8 +24,7 @@ EXACT = replace(assumed(COMMAND), residual=(0.01, 0.02, 0.03), overshoot=0.02)
 def by_environment(response, v_max, folder):
     for name in ("holonomic-cart.xml", "holonomic-cart.json"):
         shutil.copy(CARTS / name, folder / name)
-    said = {key: value for key, value in asdict(response).items() if value is not None}
-    (folder / "holonomic-cart.response.json").write_text(json.dumps(said), encoding="utf-8")
+    response.save(folder / "holonomic-cart.response.json")
     robot = str(folder / "holonomic-cart.json")
     gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=robot, v_max=v_max).close()
 
@@ -42,11 +40,11 @@ def by_setting(response, v_max, folder):
 
 
 @pytest.mark.filterwarnings("ignore::hcbf_gym.errors.CoverageWarning")
-@pytest.mark.parametrize("door", [by_environment, by_velocity_filter, by_setting])
-def test_a_cap_that_leaves_nothing_at_the_usual_error_is_warned_of(door, tmp_path):
+@pytest.mark.parametrize("build", [by_environment, by_velocity_filter, by_setting])
+def test_a_cap_that_leaves_nothing_at_the_usual_error_is_warned_of(build, tmp_path):
     slow: Response = replace(EXACT, residual=(0.9, 1.0, 1.1))
     with pytest.warns(SafetyWarning, match=r"v_max: 0\.6 m/s .* hardly moves; expected above"):
-        door(slow, 0.6, tmp_path)
+        build(slow, 0.6, tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("error", SafetyWarning)
-        door(EXACT, 0.6, tmp_path)
+        build(EXACT, 0.6, tmp_path)

@@ -1,10 +1,12 @@
-"""Contracts of walkers: what they say is checked, and what does not fit is refused clearly."""
+"""Contracts of walkers: each is checked, and refused clearly where something does not fit."""
 
 import copy
 import json
 import sys
+import warnings
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -21,7 +23,7 @@ from hcbf_robots.walkers.walker_adapter import Adapter
 from hcbf_robots.walkers.walker_parts import Command
 
 sys.path.insert(0, str(Path(__file__).parent))
-from walkers import CARTS, LEARNED, plain
+from walkers import CARTS, LEARNED, go2, plain
 
 LEGGED = """
 <mujoco model="two joints">
@@ -84,13 +86,21 @@ def still(model, period):
     return lambda observation: np.zeros(2)
 
 
+SEEN: list[np.ndarray] = []
+
+
 def seen(model, period):
-    """Return a controller that keeps what it sees."""
+    """Return a controller that stores its observations."""
     SEEN.clear()
     return lambda observation: SEEN.append(observation.copy()) or np.array([0.2, -0.4])
 
 
-SEEN: list[np.ndarray] = []
+def seven(model, period):
+    return lambda observation: np.zeros(7)
+
+
+def rude(model, period):
+    return lambda observation: 1 / 0
 
 
 def written(folder, contract):
@@ -123,7 +133,7 @@ def test_a_contract_that_fits_is_read_and_walks(robot):
     assert drive.truth[:2] @ np.array([0.2, 0.1]) > 0.005
 
 
-def test_terms_are_what_the_simulation_says(tmp_path):
+def test_terms_are_those_of_the_simulation(tmp_path):
     walker = Walker.load(written(tmp_path, CONTRACT | {"policy": f"{__name__}:seen"}))
     drive = driven(walker, 3)
     observation, last = SEEN[1], SEEN[2]
@@ -207,16 +217,8 @@ WRONG = {
 }  # fmt: skip
 
 
-def seven(model, period):
-    return lambda observation: np.zeros(7)
-
-
-def rude(model, period):
-    return lambda observation: 1 / 0
-
-
 @pytest.mark.parametrize("wrong", WRONG)
-def test_what_does_not_fit_is_refused_with_what_is_expected(tmp_path, wrong):
+def test_a_wrong_contract_is_refused_with_what_is_expected(tmp_path, wrong):
     contract, error, names = WRONG[wrong]
     with pytest.raises(error, match=r"expected|raised") as raised:
         Walker.load(written(tmp_path, contract))
@@ -245,7 +247,7 @@ def test_a_file_with_a_floor_or_two_robots_is_refused(tmp_path):
 @pytest.mark.parametrize("robot", LEARNED)
 def test_a_network_of_another_shape_is_refused(tmp_path, robot):
     contract = plain(robot)
-    path = tmp_path / "bent.json"
+    path = tmp_path / "other.json"
     path.write_text(json.dumps(contract | {"observation": contract["observation"][1:]}))
     with pytest.raises(RobotModelError, match="the size of the observation"):
         Walker.load(path)
@@ -277,30 +279,25 @@ JUNK = st.one_of(
 )
 
 
-def places(value, path=()):
-    """Yield every place of a plain value, from the top down."""
-    yield path
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, item in items if isinstance(value, dict | list) else ():
+def places(value):
+    """Yield the container and the key of every entry of a plain value."""
+    for key, item in list(value.items() if isinstance(value, dict) else enumerate(value)):
+        yield value, key
         if isinstance(item, dict | list):
-            yield from places(item, (*path, key))
-        else:
-            yield (*path, key)
+            yield from places(item)
 
 
-def bent(contract, data):
+def fuzzed(contract, data):
     """Return a contract with a value replaced, removed or added somewhere."""
     contract = copy.deepcopy(contract)
     for _ in range(data.draw(st.integers(1, 2))):
-        path = data.draw(st.sampled_from([p for p in places(contract) if p]))
-        at = contract
-        for key in path[:-1]:
-            at = at[key]
+        found = list(places(contract))
+        at, key = found[data.draw(st.integers(0, len(found) - 1))]
         how = data.draw(st.sampled_from(["replace", "replace", "remove", "add"]))
         if how == "replace":
-            at[path[-1]] = data.draw(JUNK)
+            at[key] = data.draw(JUNK)
         elif how == "remove":
-            del at[path[-1]]
+            del at[key]
         elif isinstance(at, dict):
             at[data.draw(st.text(max_size=4))] = data.draw(JUNK)
     return contract
@@ -320,11 +317,11 @@ def outcome(path):
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(data=st.data())
-def test_a_bent_contract_is_refused_clearly_or_walks(tmp_path, data):
+def test_a_fuzzed_contract_is_refused_clearly_or_walks(tmp_path, data):
     base = data.draw(st.sampled_from([CONTRACT, *map(_cart, CARTS)]))
-    path = written(tmp_path, bent(base, data))
-    said = outcome(path)
-    assert said == "walks" or "expected" in said or "MuJoCo refuses" in said
+    path = written(tmp_path, fuzzed(base, data))
+    found = outcome(path)
+    assert found == "walks" or "expected" in found or "MuJoCo refuses" in found
 
 
 def _cart(name):
@@ -342,14 +339,38 @@ def test_commands_stay_within_the_limits_and_keep_the_direction(vx, vy, yaw):
         Command(forward=1.0, sideways=0.5, turn=1.0),
         Command(forward=1.0, turn=3.0, look_ahead=0.25),
     ):
-        told = np.array(Adapter(command, None, 1.0, 0.02).command(vx, vy, yaw, 0.0))
-        assert (np.abs(told) <= command.limits + 1e-12).all()
-        ahead, aside = command.in_plane(told)
-        back = np.array(
-            [
-                np.cos(yaw) * ahead - np.sin(yaw) * aside,
-                np.sin(yaw) * ahead + np.cos(yaw) * aside,
-            ]
-        )
+        given = np.array(Adapter(command, None, 1.0, 0.02).command(vx, vy, yaw, 0.0))
+        assert (np.abs(given) <= command.limits + 1e-12).all()
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        back = np.array([[cos, -sin], [sin, cos]]) @ command.in_plane(given)
         assert abs(back[0] * vy - back[1] * vx) < 1e-9
         assert back @ [vx, vy] >= 0.0
+
+
+def walked(robot, seconds=3.0):
+    """Return the mean velocity of the last second after a ramp to .5 m/s, and whether it fell."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        env = gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=str(robot), scenario="random")
+    env.reset(seed=0)
+    seen = []
+    for k in range(round(seconds / 0.02)):
+        _, _, terminated, _, _ = env.step(np.array([1.0, 0.0]) if k < 25 else np.zeros(2))
+        seen.append(env.unwrapped.truth[2:])
+        if terminated:
+            return np.mean(seen, axis=0), True
+    return np.mean(seen[-50:], axis=0), False
+
+
+@pytest.mark.physics
+def test_the_go2_of_the_wheel_walks_by_contract(tmp_path):
+    path = go2(tmp_path)
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime of the extra walkers")
+    velocity, fell = walked(path)
+    assert not fell
+    np.testing.assert_allclose(velocity, [0.5, 0.0], atol=0.15)
+
+
+def test_the_a1_is_named_with_its_own_environment():
+    with pytest.raises(UnknownNameError, match="HCBF-A1Regions-v0"):
+        gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot="a1", scenario="random")

@@ -1,4 +1,4 @@
-"""Through real rclpy, as the page says it: robot, node and planner in processes of their own."""
+"""Through real rclpy, as on the page: robot, node and planner in three processes."""
 
 import re
 import shlex

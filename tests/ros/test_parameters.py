@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.ros import bent
+from benchmarks.ros import malformed
 from hcbf_gym.errors import InvalidInputError
 from hcbf_robots.ros import parameters
 from hcbf_robots.ros.parameters import Settings, SourceSettings, read
@@ -106,7 +106,7 @@ def table_of(of):
         default = f"`{json.dumps(one.default)}`"
         if one.name == "enable_stamped_cmd_vel":
             default = "of the distribution"
-        notes = [one.says]
+        notes = [one.about]
         if one.choices:
             notes.append("one of " + ", ".join(f"`{json.dumps(choice)}`" for choice in one.choices))
         if one.live:
@@ -120,6 +120,6 @@ def test_the_page_has_the_table(of):
     assert table_of(of) in PAGE.read_text(encoding="utf-8")
 
 
-def test_bent_files_are_refused_by_name_and_what_is_taken_is_a_sound_one(tmp_path):
-    wrong = [one for one in bent.run(40, tmp_path, first=1000) if not one.is_well]
+def test_malformed_files_are_refused_by_name_and_others_are_valid(tmp_path):
+    wrong = [one for one in malformed.run(40, tmp_path, first=1000) if not one.is_well]
     assert wrong == []

@@ -81,16 +81,16 @@ def test_where_nothing_moves_a_scan_does_not_become_old():
 
 
 @pytest.mark.parametrize(
-    ("stamp", "says"),
+    ("stamp", "message"),
     [(0.3, "0.30 s ahead of the clock"), (-61.0, "61.00 s old"), (1.7e9, "ahead")],
 )
-def test_a_scan_of_another_clock_is_not_accepted(stamp, says):
+def test_a_scan_of_another_clock_is_not_accepted(stamp, message):
     scan = Scan("laser", [[3.0, 0.0]], (0.0, 0.0, 0.0), period=0.1, speed=PACE, stamp=stamp)
     safe = VelocityFilter(EXACT, [scan], period=PERIOD)
-    with pytest.warns(UserWarning, match=f"'laser': .*{says}"):
-        told, report = safe.step((0.5, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0)
+    with pytest.warns(UserWarning, match=f"'laser': .*{message}"):
+        given, report = safe.step((0.5, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.0)
     assert (report["status"], report["reason"]) == (FilterStatus.BACKUP, Reason.AGE)
-    assert not told.any()
+    assert not given.any()
     safe.barriers = [Scan("laser", scan.points, scan.pose, period=0.1, speed=PACE, stamp=0.05)]
     _, report = safe.step((0.5, 0.0, 0.0), np.zeros(3), np.zeros(3), 0.05)
     assert report["status"] != FilterStatus.BACKUP
@@ -99,24 +99,24 @@ def test_a_scan_of_another_clock_is_not_accepted(stamp, says):
 def met(blind_after, wanted=0.7):
     """Return (towards, status) at each contact with a person who walks at a robot of old scans."""
     safe = VelocityFilter(EXACT, [], period=PERIOD, radius=REACH)
-    pose, told, person, found = np.zeros(3), np.zeros(3), np.array([3.0, 0.05]), []
+    pose, given, person, found = np.zeros(3), np.zeros(3), np.array([3.0, 0.05]), []
     for k in range(60):
         now = PERIOD * k
         if k % 2 == 0 and now <= blind_after:
             points = points_of(seen(person, pose, FINELY), FINELY)
             safe.barriers = [Scan("laser", points, tuple(pose), 0.1, PACE, stamp=now)]
-        told, report = safe.step((wanted, 0.0, 0.0), pose, told, now)
+        given, report = safe.step((wanted, 0.0, 0.0), pose, given, now)
         for _ in range(5):
-            pose = pose + 0.01 * told
+            pose = pose + 0.01 * given
             person = person - [0.01 * PACE, 0.0]
-            apart, towards = approach(person, pose, told[:2])
+            apart, towards = approach(person, pose, given[:2])
             if apart <= 0.0:
                 found.append((towards, report["status"]))
     return found
 
 
 @pytest.mark.parametrize("blind_after", [0.5, 1.0, 1.5])
-def test_an_old_scan_is_as_good_as_a_new_one_for_who_walks_at_the_robot(blind_after):
+def test_an_old_scan_is_as_good_as_a_new_one_of_a_person_who_walks_at_the_robot(blind_after):
     fresh, old = met(math.inf), met(blind_after)
     assert all(status > FilterStatus.SAFE for _, status in old)
     assert max(towards for towards, _ in old) < max(towards for towards, _ in fresh) + 0.02
@@ -223,7 +223,7 @@ def turning(d, count=72):
 
 
 @pytest.mark.parametrize("turn", [-1.5, 0.6, 1.5])
-def test_who_turns_at_a_wall_that_a_turning_scanner_sees_stays_out(turn):
+def test_a_robot_that_turns_at_a_wall_that_a_turning_scanner_sees_stays_out(turn):
     d = Drive(SCAN, wanted=(0.6, 0.0, turn))
     look, least = turning(d), []
 

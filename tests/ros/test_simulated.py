@@ -21,16 +21,16 @@ def test_its_time_is_the_clocks_though_no_tick_divides_the_period(walker, period
 
 
 @pytest.mark.parametrize("walker", [*CARTS, *LEARNED])
-def test_it_does_what_it_is_told_for_as_long_as_a_command_counts_and_then_stands(walker):
+def test_it_follows_a_command_until_its_time_out_and_then_stands(walker):
     robot = SimulatedRobot(walker, start=(1.0, -2.0, 0.7))
     begun = robot.pose
     for _ in range(100):
-        robot.tell((0.3, 0.0, 0.0))
+        robot.command((0.3, 0.0, 0.0))
         robot.run(0.02)
-    way = robot.pose - begun
-    ahead = math.cos(0.7) * way[0] + math.sin(0.7) * way[1]
+    moved = robot.pose - begun
+    ahead = math.cos(0.7) * moved[0] + math.sin(0.7) * moved[1]
     assert 0.3 * 1.2 < ahead < 0.3 * 2.2  # less by what it needs until it drives so fast
-    assert abs(math.cos(0.7) * way[1] - math.sin(0.7) * way[0]) < 0.15
+    assert abs(math.cos(0.7) * moved[1] - math.sin(0.7) * moved[0]) < 0.15
     robot.run(2.0)  # the last command is good for half a second
     stood = robot.pose
     robot.run(1.0)

@@ -1,4 +1,4 @@
-"""What the node must show, in its short forms."""
+"""Suites of the node in their short forms."""
 
 import pytest
 
@@ -28,10 +28,9 @@ def test_the_short_form_of_each_part_has_no_miss(part):
     ],
 )
 def test_a_guided_cart_turns_to_its_way_though_its_planner_turns_it_from_there(kind, rank, seed):
-    """Backing to a way behind it, it turned from it; parallel to an edge it stood for ever; backing
-    from one, its turn was given away, to and fro, for a hair of speed."""
-    way = wedge.drive(wedge.scene(kind, "cart", rank, seed))
-    assert way.led
-    assert way.arrived
-    assert way.out <= way.allowed
-    assert way.still <= wedge.LONGEST_STILL
+    """Each was at rest for ever once: backing to a path behind it, parallel to an edge, backing."""
+    found = wedge.drive(wedge.scene(kind, "cart", rank, seed))
+    assert found.led
+    assert found.arrived
+    assert found.out <= found.allowed
+    assert found.still <= wedge.LONGEST_STILL

@@ -1,11 +1,11 @@
-"""The thread that prepares: the newest of each name, and whatever goes wrong is said."""
+"""The thread that prepares: the newest job of each name, and its exceptions are reported."""
 
 import threading
 
 from hcbf_robots.ros.worker import Worker
 
 
-def test_a_job_that_waits_gives_way_to_a_newer_one_of_its_name():
+def test_a_newer_job_replaces_one_of_its_name_that_waits():
     begun, goes, done, failed = threading.Event(), threading.Event(), [], []
     worker = Worker(lambda *what: failed.append(what))
     worker.put("first", lambda: (begun.set(), goes.wait()))
@@ -22,7 +22,7 @@ def test_a_job_that_waits_gives_way_to_a_newer_one_of_its_name():
     assert not failed
 
 
-def test_whatever_a_job_raises_is_handed_over_and_the_next_one_runs():
+def test_an_exception_of_a_job_is_reported_and_the_next_one_runs():
     failed, ended = [], threading.Event()
     worker = Worker(lambda name, error: failed.append((name, str(error))))
     worker.put("map", lambda: 1 / 0)

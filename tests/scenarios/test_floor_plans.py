@@ -73,7 +73,7 @@ def test_guided_pd_crosses_the_plan_and_enters_nothing_strict(plan):
     assert least >= 0.0
 
 
-def test_a_map_alone_stands_for_random_ways_through_it():
+def test_a_map_alone_means_random_paths_through_it():
     source = {"map": {"file": str(FOLDER / "flat.yaml"), "masks": {"flat_keepout.yaml": 2}}}
     assert scenarios.is_random(source)
     env = gym.make("HCBF-Regions-v0", scenario=source).unwrapped

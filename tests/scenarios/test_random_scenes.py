@@ -12,7 +12,7 @@ from hcbf_gym.barriers import BarrierSet, RowSettings
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.task import barriers_of
-from hcbf_gym.scenarios import clutter, hall, random_scenes, rooms, traps
+from hcbf_gym.scenarios import Hooks, clutter, hall, random_scenes, rooms, traps
 from hcbf_gym.scenarios import scene as columns
 
 NAMES = [name for name in scenarios.families() if not name.startswith("map-")]
@@ -52,12 +52,12 @@ def test_a_seed_decides_the_scene(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_compiled_scene_is_the_readable_one(name):
-    batch = RegionsBatch([scene(0, name)])
+    batch = RegionsBatch([scene(0, name)], Hooks())
     for seed in SEEDS:
         filled = drawn(seed, name)
         batch.set_drawn(0, filled)
         batch.restart(np.ones(1, dtype=np.bool_))
-        readable = RegionsBatch([scenarios.family_of(name).scenario(filled)])
+        readable = RegionsBatch([scenarios.family_of(name).scenario(filled)], Hooks())
         np.testing.assert_array_equal(batch.barrier_set.kind, readable.barrier_set.kind)
         np.testing.assert_allclose(
             batch.barrier_set.parameters, readable.barrier_set.parameters, atol=1e-14
@@ -222,7 +222,7 @@ def test_wide_scenes_leave_the_robot_s_body_room_and_keep_the_regions_shapes():
         assert (reach[strict] <= clear).all()
 
 
-def test_a_floor_has_doors_open_and_shut_and_differs_in_every_episode():
+def test_a_floor_has_doorways_open_and_shut_and_differs_in_every_episode():
     shut, starts = set(), set()
     for seed in SEEDS:
         layout = drawn(seed, "random-map")

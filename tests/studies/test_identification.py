@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import Box
 from hcbf_robots.identification import command
+from hcbf_robots.identification.analysis import fit, late, respond
 from hcbf_robots.identification.identify import identify
-from hcbf_robots.identification.model import fit, late, respond
 from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_margins import braked, uncertainty
 from hcbf_robots.walkers.walker_response import Response
@@ -26,21 +26,21 @@ PERIOD = 0.02
     steps=st.integers(0, 6),
     seed=st.integers(0, 100),
 )
-def test_a_known_response_is_found_beneath_sway(gain, time_constant, steps, seed):
+def test_a_known_response_is_found_beneath_an_oscillation(gain, time_constant, steps, seed):
     rng = np.random.default_rng(seed)
-    told = np.repeat(rng.uniform(-1.0, 1.0, 40), 50)
+    commanded = np.repeat(rng.uniform(-1.0, 1.0, 40), 50)
     delay = steps * PERIOD
-    done = gain * respond(late(told, delay, PERIOD), time_constant, PERIOD)
-    sway = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(told)))
-    found = fit(told, done + sway, PERIOD)
+    done = gain * respond(late(commanded, delay, PERIOD), time_constant, PERIOD)
+    wave = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(commanded)))
+    found = fit(commanded, done + wave, PERIOD)
     assert found.gain == pytest.approx(gain, rel=0.05)
     assert found.delay + found.time_constant == pytest.approx(delay + time_constant, abs=0.04)
 
 
 def test_a_response_from_rest_is_the_exact_solution():
-    told = np.ones(50)
+    commanded = np.ones(50)
     expected = 1.0 - np.exp(-PERIOD * np.arange(50) / 0.2)
-    np.testing.assert_allclose(respond(told, 0.2, PERIOD), expected, atol=1e-12)
+    np.testing.assert_allclose(respond(commanded, 0.2, PERIOD), expected, atol=1e-12)
 
 
 @pytest.mark.physics
@@ -58,8 +58,8 @@ def test_the_shipped_carts_are_as_their_files_say(name):
 
 def test_the_command_writes_beside_the_contract_or_to_a_folder(tmp_path, capsys):
     command.main(command.Args("holonomic-cart", seconds=10.0, output=tmp_path))
-    said = capsys.readouterr().out
-    assert "brakes at" in said
+    printed = capsys.readouterr().out
+    assert "brakes at" in printed
     assert (tmp_path / "holonomic-cart.response.png").stat().st_size > 10_000
     data = json.loads((tmp_path / "holonomic-cart.response.json").read_text())
     assert data["falls"] == 0
@@ -77,7 +77,7 @@ NUMBERS = {
     "time_constant": 0.1,
     "delay": 0.02,
     "residual": [0.05, 0.14, 0.3],
-    "sway": 0.03,
+    "deviation": 0.03,
     "overshoot": 0.1,
     "rise": 0.3,
     "stopping": 0.2,
@@ -88,10 +88,10 @@ NUMBERS = {
 
 
 def test_a_robot_that_does_not_follow_is_named():
-    said = Response(**(NUMBERS | {"gain": [1.0, 0.4, 1.0], "falls": 2})).complaints
-    assert len(said) == 2
-    assert "entry 1" in said[0]
-    assert "fell 2 times" in said[1]
+    complaints = Response(**(NUMBERS | {"gain": [1.0, 0.4, 1.0], "falls": 2})).complaints
+    assert len(complaints) == 2
+    assert "entry 1" in complaints[0]
+    assert "fell 2 times" in complaints[1]
     assert Response(**NUMBERS).complaints == []
 
 
@@ -109,9 +109,11 @@ def test_no_input_is_harder_than_the_robot_brakes():
     assert braked(Box.symmetric(1.0), response).radius == Box.symmetric(1.0).radius
 
 
-@pytest.mark.parametrize("bent", [{"braking": 0.0}, {"gain": "much"}, {"delay": -1.0}, {"x": 1}])
-def test_a_bent_response_is_refused(tmp_path, bent):
+@pytest.mark.parametrize(
+    "malformed", [{"braking": 0.0}, {"gain": "much"}, {"delay": -1.0}, {"x": 1}]
+)
+def test_a_malformed_response_is_refused(tmp_path, malformed):
     path = tmp_path / "one.response.json"
-    path.write_text(json.dumps(NUMBERS | bent))
+    path.write_text(json.dumps(NUMBERS | malformed))
     with pytest.raises(InvalidInputError, match="response"):
         Response.load(path)

@@ -1,4 +1,4 @@
-"""A drive's log says how a robot follows, whatever a recorder loses; bent ones are refused."""
+"""A drive's log shows how a robot follows, whatever a recorder loses; others are refused."""
 
 import math
 import re
@@ -7,13 +7,14 @@ import sys
 
 import numpy as np
 import pytest
-from drives import HEADER, drive, recorded, write
+from drives import HEADER, drive, driven, recorded, write
 
 from hcbf_gym.errors import InvalidInputError
+from hcbf_robots import Command
 from hcbf_robots.identification import command
+from hcbf_robots.identification.analysis import respond
 from hcbf_robots.identification.identify import identify
 from hcbf_robots.identification.log import identify_log, read
-from hcbf_robots.identification.model import respond
 from hcbf_robots.online import Response
 from hcbf_robots.walkers import Walker
 
@@ -51,15 +52,15 @@ def table(seed=0, tau=0.15, delay=0.06, gain=0.95, rest=2.0):
     plan += [(2.0, (0.0, 1.5)), (2.0, (0.0, -1.5))]
     plan += [(1.0, tuple(rng.uniform(-1.0, 1.0, 2) * (0.5, 1.5))) for _ in range(25)]
     period = 0.02
-    told = np.concatenate([np.tile(one, (round(held / period), 1)) for held, one in plan])
-    late = np.concatenate([np.zeros((round(delay / period), 2)), told])[: len(told)]
+    commanded = np.concatenate([np.tile(one, (round(held / period), 1)) for held, one in plan])
+    late = np.concatenate([np.zeros((round(delay / period), 2)), commanded])[: len(commanded)]
     done = gain * np.column_stack([respond(entry, tau, period) for entry in late.T])
-    time = period * np.arange(len(told))
+    time = period * np.arange(len(commanded))
     yaw = np.concatenate([[0.0], np.cumsum(done[:-1, 1]) * period])
     x = np.concatenate([[0.0], np.cumsum(done[:-1, 0] * np.cos(yaw[:-1])) * period])
     y = np.concatenate([[0.0], np.cumsum(done[:-1, 0] * np.sin(yaw[:-1])) * period])
-    zero = np.zeros(len(told))
-    parts = [time, told[:, 0], zero, told[:, 1], x, y, yaw, done[:, 0], zero, done[:, 1]]
+    zero = np.zeros(len(commanded))
+    parts = [time, commanded[:, 0], zero, commanded[:, 1], x, y, yaw, done[:, 0], zero, done[:, 1]]
     return np.column_stack(parts)[::2]
 
 
@@ -75,13 +76,13 @@ def test_a_known_response_is_found(tmp_path):
 def test_it_makes_no_difference_how_commands_lie_between_measurements(off, tmp_path):
     rows, found = table(tau=0.04, delay=0.0), []
     for shift in (0.0, off):
-        told, done = rows.copy(), rows.copy()
-        told[:, 4:] = np.nan
+        commanded, done = rows.copy(), rows.copy()
+        commanded[:, 4:] = np.nan
         done[:, 1:4] = np.nan
         done[:, 0] += shift  # the same drive, measured a little later
         for k in range(4, 10):
             done[:, k] = np.interp(done[:, 0], rows[:, 0], rows[:, k])
-        lines = sorted([*told.tolist(), *done.tolist()], key=lambda line: line[0])
+        lines = sorted([*commanded.tolist(), *done.tolist()], key=lambda line: line[0])
         lines = [[None if np.isnan(one) else one for one in line] for line in lines]
         file = write(tmp_path / "drive.csv", lines, differential=True)
         found.append(identify_log(file, look_ahead=0.2)[0].response.follows)
@@ -117,7 +118,7 @@ def _half_speed(rows):
 
 
 def _two_clocks(rows):
-    rows[:, 1:4] = np.roll(rows[:, 1:4], 15, axis=0)  # told .6 s after it was done
+    rows[:, 1:4] = np.roll(rows[:, 1:4], 15, axis=0)  # commanded .6 s after it was done
 
 
 def _backwards(rows):
@@ -144,7 +145,7 @@ def _gap(rows):
     rows[300:, 0] += 5.0
 
 
-BENT = {
+MALFORMED = {
     "degrees": (_degrees, "disagree: w .* degrees"),
     "yaw in degrees": (_yaw_in_degrees, "disagree: "),
     "degrees, no pose": (_without_pose, "w: the robot turns .* degrees"),
@@ -160,12 +161,12 @@ BENT = {
 }
 
 
-@pytest.mark.parametrize("name", BENT)
-def test_a_bent_log_is_refused_in_words(name, tmp_path):
-    change, said = BENT[name]
+@pytest.mark.parametrize("name", MALFORMED)
+def test_a_malformed_log_is_refused_in_words(name, tmp_path):
+    change, message = MALFORMED[name]
     rows = [[None if np.isnan(one) else one for one in row] for row in bend(change)]
     file = write(tmp_path / "drive.csv", rows, differential=True)
-    with pytest.raises(InvalidInputError, match=said):
+    with pytest.raises(InvalidInputError, match=message):
         identify_log(file, look_ahead=0.2)
 
 
@@ -186,7 +187,7 @@ def test_a_swapped_sign_is_a_complaint(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "expected time"),
         ("time,cmd_vx,cmd_w\n0,1,1\n", "x, y, yaw or vx, w"),
@@ -201,10 +202,10 @@ def test_a_swapped_sign_is_a_complaint(tmp_path):
         ),
     ],
 )
-def test_what_is_no_log_is_refused(text, said, tmp_path):
+def test_a_file_without_a_log_is_refused(text, message, tmp_path):
     file = tmp_path / "drive.csv"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(InvalidInputError, match=said):
+    with pytest.raises(InvalidInputError, match=message):
         read(file)
 
 
@@ -212,8 +213,8 @@ def test_without_a_contract_a_differential_drive_needs_its_point(tmp_path):
     file = write(tmp_path / "drive.csv", table().tolist(), differential=True)
     with pytest.raises(InvalidInputError, match="--look-ahead"):
         identify_log(file)
-    _, told = identify_log(file, look_ahead=0.2)
-    assert told.forward == pytest.approx(0.5)
+    _, commanded = identify_log(file, look_ahead=0.2)
+    assert commanded.forward == pytest.approx(0.5)
     assert HEADER[0] == "time"
 
 
@@ -231,3 +232,59 @@ cli.main(['identify', '--log', {str(file)!r}, '--look-ahead', '0.2'])"""
 def test_neither_contract_nor_log_is_refused():
     with pytest.raises(InvalidInputError, match="--log"):
         command.main(command.Args())
+
+
+def identified(folder, rows, command, *, twist=True, late=0.0, seed=0):
+    """Return what a log shows; `late` is by how much commands are stamped after they were given."""
+    lines = [list(line) for line in recorded(rows, seed)]
+    for line in lines:
+        if line[1] is not None:
+            line[0] += late
+        if not twist:
+            line[7:] = [None] * len(line[7:])
+    lines.sort(key=lambda line: line[0])
+    file = write(folder / "drive.csv", lines, command.sideways is None)
+    return identify_log(file, command)[0].response
+
+
+CART, HOLONOMIC = Command(0.5, 1.5, look_ahead=0.2), Command(0.8, 1.5, sideways=0.8)
+
+
+@pytest.mark.parametrize("command", [CART, HOLONOMIC], ids=["cart", "holonomic"])
+@pytest.mark.parametrize(("lag", "delay", "late"), [
+    (0.15, 0.06, 0.2), (0.3, 0.1, 0.3), (0.3, 0.1, 0.38), (0.2, 0.2, 0.38), (0.1, 0.02, 0.2),
+])  # fmt: skip
+def test_commands_that_are_stamped_late_do_not_hide_in_the_lag(tmp_path, command, lag, delay, late):
+    rows = driven(command, lag, delay)
+    found = identified(tmp_path, rows, command)
+    assert found.follows == pytest.approx(lag + delay, rel=0.2, abs=0.03)
+    with pytest.raises(InvalidInputError, match="expected one clock for commands and measurements"):
+        identified(tmp_path, rows, command, late=late)
+
+
+@pytest.mark.parametrize("off", [0.18, -0.5, 0.8, "mirrored"])
+def test_a_pose_that_slides_is_not_that_of_a_differential_drive(tmp_path, off):
+    rows = driven(CART, 0.1, 0.04)
+    assert identified(tmp_path, rows, CART, twist=False).gain[0] == pytest.approx(1.0, abs=0.05)
+    if off == "mirrored":
+        rows[:, 5] *= -1.0
+    else:
+        rows[:, 6] += off
+    with pytest.raises(InvalidInputError, match="the pose slides: across the yaw it moves"):
+        identified(tmp_path, rows, CART, twist=False)
+
+
+def test_a_pose_may_be_measured_before_the_axle(tmp_path):
+    rows = driven(CART, 0.1, 0.04)
+    rows[:, 4] += 0.15 * np.cos(rows[:, 6])
+    rows[:, 5] += 0.15 * np.sin(rows[:, 6])
+    assert identified(tmp_path, rows, CART, twist=False).gain[0] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("forward", 50.0), ("turn", 85.94), ("sideways", 25.0)]
+)
+def test_what_no_robot_is_commanded_is_another_unit(name, value):
+    given = {"forward": 0.5, "turn": 1.5, "sideways": 0.5} | {name: value}
+    with pytest.raises(InvalidInputError, match=f"command: {name}: got {value}"):
+        Command(**given)

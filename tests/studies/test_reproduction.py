@@ -1,8 +1,5 @@
 import importlib
 import json
-import subprocess
-import sys
-from dataclasses import fields
 from pathlib import Path
 
 import mujoco
@@ -13,29 +10,12 @@ from hcbf_gym.arguments import check
 from hcbf_gym.cli import commands
 from hcbf_gym.envs.a1_physics import A1Physics
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.evaluation import chunks
 from hcbf_gym.evaluation.output_folder import open_folder, write_json
-from hcbf_gym.evaluation.rollouts import Case, Episode, Job
 from hcbf_gym.scenarios import BoxObstacle
 from hcbf_lab.reproduction import figure5, figures67
 from hcbf_lab.tuning import Samples
 
 ROOT = Path(__file__).parents[2]
-
-
-def rom_job(gamma0, seed=0):
-    options = {"gamma0": gamma0, "delta_gamma": 1.3}
-    return Job(Case("HCBF-Regions-v0", "paper-simulation", "pd", "h-cbf-qp", options), seed)
-
-
-def ran(folder, workers, jobs):
-    """Return the episodes of jobs, which a folder keeps."""
-    return chunks.in_order(chunks.Runs(folder, workers).over(Job.run, jobs))
-
-
-def assert_same(first, second):
-    for field in fields(Episode):
-        np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +52,9 @@ def test_a_valley_is_found_where_there_is_one_and_nowhere_else(cost, holds):
 
 
 @pytest.mark.physics
-def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal(tmp_path):
+def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal():
     jobs = figures67._jobs()
-    episodes = ran(tmp_path, workers=1, jobs=[jobs["R"], jobs["H"]])
+    episodes = [jobs[name].run() for name in ("R", "H")]
     claims = figures67._claims(dict(zip(("R", "H"), episodes, strict=True)))
     assert len(claims) == 7
     assert all(claims.values()), claims
@@ -100,57 +80,6 @@ def test_the_force_on_a_box_is_that_of_the_tick_in_which_it_acts():
         np.testing.assert_allclose(plant.obstacle_forces(), [expected], rtol=1e-9)
         felt = max(felt, expected)
     assert felt > 10.0
-
-
-def test_an_episode_is_run_once_and_is_the_same_for_any_number_of_workers(tmp_path):
-    jobs = [rom_job(1.0), rom_job(5.0)]
-    alone = ran(tmp_path / "one", workers=1, jobs=jobs)
-    pair = ran(tmp_path / "two", workers=2, jobs=jobs)
-    for first, second in zip(alone, pair, strict=True):
-        assert_same(first, second)
-    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "one").iterdir()}
-    again = ran(tmp_path / "one", workers=1, jobs=jobs)
-    assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "one").iterdir()}
-    for first, second in zip(alone, again, strict=True):
-        assert_same(first, second)
-
-
-def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    jobs = [rom_job(gamma0) for gamma0 in (0.5, 1.0, 2.0)]
-    unbroken = ran(tmp_path / "unbroken", workers=1, jobs=jobs)
-    run, calls = Case.run, []
-
-    def run_until_the_power_fails(case, seed):
-        calls.append(case)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-        return run(case, seed)
-
-    monkeypatch.setattr(Case, "run", run_until_the_power_fails)
-    with pytest.raises(KeyboardInterrupt):
-        ran(tmp_path / "broken", workers=1, jobs=jobs)
-    assert len(list((tmp_path / "broken").iterdir())) == 1
-    resumed = ran(tmp_path / "broken", workers=1, jobs=jobs)
-    assert len(calls) == 4
-    for first, second in zip(unbroken, resumed, strict=True):
-        assert_same(first, second)
-
-
-def test_no_two_episodes_share_a_key():
-    case = rom_job(1.0).case
-    jobs = [
-        rom_job(1.0),
-        rom_job(1.0, seed=1),
-        rom_job(2.0),
-        Job(Case("HCBF-A1Regions-v0", case.scenario, "pd", case.program, case.options)),
-        Job(Case(case.env, "paper-experiment", "pd", case.program, case.options)),
-        Job(Case(case.env, case.scenario, "pd-ff", case.program, case.options)),
-        Job(Case(case.env, case.scenario, "pd", "r-cbf-qp", case.options)),
-        Job(Case(case.env, case.scenario, "pd", case.program, case.options, {"feedback": "rom"})),
-    ]
-    keys = {chunks._key("", [job]) for job in jobs}
-    assert len(keys) == len(jobs)
-    assert chunks._key("", [rom_job(1.0)]) in keys
 
 
 def test_a_folder_opens_for_its_own_study_and_no_other(tmp_path):
@@ -208,24 +137,3 @@ def test_the_commands_refuse_bad_input_and_touch_nothing(tmp_path, script, argum
         run()
     assert [path.name for path in tmp_path.iterdir()] == ["settings.json"]
     assert json.loads((tmp_path / "settings.json").read_text()) == {"study": "something else"}
-
-
-def test_a_command_says_what_was_wrong_in_one_line_and_fails(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "scripts/tune.py", "--w-i", "-1", "--output", str(tmp_path / "out")],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith("error: --w-i: got -1.0, expected")
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_reduced_order_model_has_figure_5_alone(tmp_path):
-    from hcbf_lab.reproduction import command
-
-    with pytest.raises(InvalidInputError, match=r"expected one of \['fig5'\]"):
-        command.main(command.Args("fig6", model="rom", output=tmp_path))
-    assert not list(tmp_path.iterdir())

@@ -1,7 +1,5 @@
 import json
 import math
-import sqlite3
-import sqlite3.dbapi2
 
 import hypothesis.strategies as st
 import numpy as np
@@ -101,7 +99,7 @@ def journal(path):
 
 
 @pytest.mark.parametrize("sampler", ["normal", "tpe", "cmaes"])
-def test_a_killed_study_goes_on_with_the_samples_that_were_to_come(
+def test_a_killed_study_continues_with_the_samples_that_were_to_come(
     problem, sampler, tmp_path, monkeypatch
 ):
     storage = journal(tmp_path / "study.log")
@@ -120,45 +118,19 @@ def test_a_killed_study_goes_on_with_the_samples_that_were_to_come(
         TuningStudy(problem, Normal(), sampler, 1, storage).run(35)
     monkeypatch.setattr(Problem, "costs", whole)
     resumed = TuningStudy(problem, Normal(), sampler, 1, journal(tmp_path / "study.log")).run(35)
-    told = 20 if sampler == "cmaes" else 35  # CMA-ES draws by the numbers of trials, lost ones too
+    alike = 20 if sampler == "cmaes" else 35  # CMA-ES draws by the numbers of trials, lost ones too
     assert len(resumed.cost) == 35
     for got, expected in zip(resumed, unbroken, strict=True):
-        np.testing.assert_array_equal(got[:told], expected[:told])
+        np.testing.assert_array_equal(got[:alike], expected[:alike])
 
 
-def test_a_database_holds_a_study_too(problem, tmp_path):
-    url = f"sqlite:///{tmp_path / 'study.db'}"
-    first = TuningStudy(problem, Normal(), "normal", 0, url).run(3)
-    longer = TuningStudy(problem, Normal(), "normal", 0, url).run(5)
-    np.testing.assert_array_equal(longer.cost[:3], first.cost)
-
-
-def test_a_database_is_closed_at_the_end(problem, tmp_path, monkeypatch):
-    opened = []
-    connect = sqlite3.dbapi2.connect
-
-    def counted(*arguments, **options):
-        opened.append(connect(*arguments, **options))
-        return opened[-1]
-
-    for module in (sqlite3, sqlite3.dbapi2):
-        monkeypatch.setattr(module, "connect", counted)
-    TuningStudy(problem, Normal(), "normal", 0, f"sqlite:///{tmp_path / 'study.db'}").run(3)
-    assert opened
-    for one in opened:
-        with pytest.raises(sqlite3.ProgrammingError, match="closed"):
-            one.execute("select 1")
-
-
-@pytest.mark.parametrize("kind", ["journal", "database"])
-def test_a_fall_costs_infinity_and_is_kept_as_such(problem, tmp_path, monkeypatch, kind):
+def test_a_fall_costs_infinity_and_is_kept_as_such(problem, tmp_path, monkeypatch):
     def costs(self, gamma0, delta_gamma, runs):
         return enumerate(np.where(np.array(gamma0) > 3.0, np.inf, np.array(gamma0)))
 
     monkeypatch.setattr(Problem, "costs", costs)
-    url = f"sqlite:///{tmp_path / 'study.db'}"
     for _ in range(2):  # written, then read
-        storage = journal(tmp_path / "study.log") if kind == "journal" else url
+        storage = journal(tmp_path / "study.log")
         samples = TuningStudy(problem, Normal(), "normal", 0, storage).run(12)
         np.testing.assert_array_equal(np.isinf(samples.cost), samples.gamma0 > 3.0)
         assert np.isinf(samples.cost).any()

@@ -289,7 +289,8 @@ class Driven:
         self.input = Input(name)
         exact = Response(
             gain=(1.0, 1.0, 1.0), time_constant=0.02, delay=0.0, residual=(0.0, 0.0, 0.0),
-            sway=1.0, overshoot=0.0, rise=0.7, stopping=0.1, braking=LIMIT, falls=0, seconds=60.0,
+            deviation=1.0, overshoot=0.0, rise=0.7, stopping=0.1, braking=LIMIT, falls=0,
+            seconds=60.0,
         )  # fmt: skip
         robot = Robot(Command(forward=3.0, sideways=3.0, turn=1.0), exact)
         self.filter = VelocityFilter(

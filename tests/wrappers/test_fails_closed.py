@@ -177,7 +177,7 @@ def test_a_clock_that_is_at_rest_brakes_until_it_advances():
         if k == 0:
             _, info = env.reset(seed=0)
         elif k == 3:
-            with pytest.warns(UserWarning, match="time of the state does not go on"):
+            with pytest.warns(UserWarning, match="time of the state does not advance"):
                 *_, info = env.step(PUSH)
         else:
             *_, info = env.step(PUSH)

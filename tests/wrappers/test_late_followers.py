@@ -16,8 +16,8 @@ from hcbf_robots import Command
 from hcbf_robots.walkers.walker_adapter import Adapter
 from hcbf_robots.walkers.walker_margins import braked, speed_row, stops, uncertainty
 from hcbf_robots.walkers.walker_parts import HEADINGS
-from tests.online.test_turning import EXACT
-from tests.online.test_unmeasured import Lagged
+from tests.online.followers import Lagged
+from tests.online.test_measured import EXACT
 
 PERIOD = 0.02
 WALLS = [

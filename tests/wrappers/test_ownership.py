@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from hcbf_gym import BatchFilter, Plant, models, wrappers
-from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier, general
+from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
 from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.many import Several
+from hcbf_gym.barriers.prepared import Prepared, prepared
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Coverage
 from hcbf_robots import VelocityFilter
@@ -184,15 +185,15 @@ def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
     """Whatever the other requests between two lines."""
     rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
     mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
-    compare = general.are_same
+    compare = Prepared.is_of
 
     def interrupted(one, other):
         found = compare(one, other)
-        rows._latest = rows.prepared(others)
+        rows._latest = prepared(BarrierSet(others), rows.functions, rows.reach)
         return found
 
     rows.prepare(mine)
-    monkeypatch.setattr(general, "are_same", interrupted)
+    monkeypatch.setattr(Prepared, "is_of", interrupted)
     for _ in range(3):
         assert rows.prepare(mine).scenes[0][0] is mine[0][0]
 

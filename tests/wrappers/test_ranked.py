@@ -46,7 +46,7 @@ def test_costs_are_depths_by_rank_and_the_cost_is_rank_one_alone():
 def test_a_speed_above_its_limit_costs_and_has_no_metres():
     disc, limit = Disc("disc", 2, center=(9.0, 0.0), radius=1.0), SpeedLimit("speed", 1, 0.5)
     scenes = BarrierSet([(disc, limit)] * 2)
-    cost, costs = task.costs_of(np.array([[0.1, -0.2], [-0.3, 0.1]]), *task.Ranked.of(scenes))
+    cost, costs = task.costs_of(np.array([[0.1, -0.2], [-0.3, 0.1]]), scenes, 2)
     np.testing.assert_array_equal(cost, [1.0, 0.0])
     np.testing.assert_array_equal(costs, [[0.0, 0.0], [0.0, 0.3]])
 

@@ -38,17 +38,17 @@ struct Shortfall {
 };
 
 // Returns what strict conditions lack; usual rows may dip between samples by what they reserve.
-// `strict`: (m,) which conditions are of rank 1 and on the position; `leaning`: (m,) what of m the
+// `strict`: (m,) which conditions are of rank 1 and on the position; `usable`: (m,) what of m the
 // tracking error and errors of measurement may consume; `dip`: what usual rows reserve against dips
 // between samples, 0 for held rows; `tracking`: what of the constant part a robot may consume that is not
 // its model; `alpha1`: (4,).
 inline Shortfall shortfall(Vector<const bool> strict, Vector<const double> h, Vector<const double> margin,
-                           Vector<const double> leaning, Vector<const double> psi, double dip, double tracking,
+                           Vector<const double> usable, Vector<const double> psi, double dip, double tracking,
                            const class_k::ClassK& alpha1) {
   Shortfall short_{INFINITY, INFINITY, INFINITY, INFINITY};
   for (Index k = 0; k < strict.size; ++k) {
     if (!strict[k]) continue;
-    const double kept = h[k] - margin[k] + dip, used = leaning[k] + tracking;
+    const double kept = h[k] - margin[k] + dip, used = usable[k] + tracking;
     double spare = psi[k];
     if (dip > 0.0) spare += class_k::value(alpha1, kept) - class_k::value(alpha1, kept - dip);
     short_.kept = std::min(short_.kept, kept), short_.headway = std::min(short_.headway, spare);
@@ -205,8 +205,8 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   const bool is_valid = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
   if (is_valid) {
     const auto lack =
-        shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::LEANING],
-                          w.rows[PSI], c.dip, c.tracking, c.rows.alpha1);
+        shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::USABLE], w.rows[PSI],
+                  c.dip, c.tracking, c.rows.alpha1);
     violated = is_violated(p.plant.judged, lack, p.plant.elapsed, c.settles);
     p.report.proved = !lacks(lack);
   }

@@ -15,7 +15,7 @@ using rows::ALPHA2_PSI, rows::B, rows::H, rows::PSI;
 // Where a row that is made for any model has its numbers, behind those of `rows`: those of `margins`,
 // what it reserves besides, how well it is conditioned, and 1 where its barrier reads the position.
 // a (n_u,) follows.
-constexpr int MARGIN = 4, RATE = 5, QUICKENING = 6, LEANING = 7, REACH = 8, FAST = 9, DIP = 10,
+constexpr int MARGIN = 4, RATE = 5, QUICKENING = 6, USABLE = 7, REACH = 8, FAST = 9, DIP = 10,
               CONDITIONING = 11, PLACED = 12, WIDTH = 13;
 
 constexpr Index ELSEWHERE = -1;     // the kind of a barrier whose row is made elsewhere: a function

@@ -33,7 +33,7 @@ constexpr double UNIT = 1.0 + 1e-9;  // a smaller slope counts as 1: a distance 
 constexpr double SHORT = 1e-4;       // by how much h − m [m], ψ [m/s] and a speed limit may be missed
 
 // The margins of a row in their order; of planar double integrators the first four.
-enum { MARGIN, RATE, QUICKENING, LEANING, REACH, FAST };
+enum { MARGIN, RATE, QUICKENING, USABLE, REACH, FAST };
 
 // One sample of a planar double integrator.
 struct Known {
@@ -63,13 +63,13 @@ struct Reserved {
   double* margin;      // m [m], of speed limits [m/s]
   double* rate;        // ṁ [m/s]
   double* quickening;  // m̈ [m/s²]
-  double* leaning;     // what of m errors may use up: the tracking error's part, less what `cap` cuts off of
+  double* usable;     // what of m errors may use up: the tracking error's part, less what `cap` cuts off of
                        // it, and the errors of a measured region [m]
 };
 
 // Those of plant i in (4, n, m).
 inline Reserved reserved(Cube<double> out, Index i) {
-  return {out[MARGIN][i].data, out[RATE][i].data, out[QUICKENING][i].data, out[LEANING][i].data};
+  return {out[MARGIN][i].data, out[RATE][i].data, out[QUICKENING][i].data, out[USABLE][i].data};
 }
 
 // The larger eigenvalue of a symmetric matrix (2, 2), 0 where it is negative.
@@ -177,7 +177,7 @@ inline Growing growing(const Uncertainty& settings, const Unknown& unknown, Vect
 }
 
 struct Row {
-  double margin, rate, quickening, leaning;  // as `Reserved` has them
+  double margin, rate, quickening, usable;  // as `Reserved` has them
   double steep;                              // ‖a_p‖
 };
 
@@ -234,7 +234,7 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
   const double speeding = speed_growth(settings, covariance, known.growth, period);
   for (Index k = 0; k < kind.size; ++k) {
     const Index which = kind[k];
-    out.rate[k] = out.quickening[k] = out.leaning[k] = 0.0;
+    out.rate[k] = out.quickening[k] = out.usable[k] = 0.0;
     if (which == layout::NONE) {
       out.margin[k] = 0.0;
     } else if (which == layout::SPEED_LIMIT || which == layout::ZONES || which == layout::ZONE) {
@@ -244,7 +244,7 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
     } else if (which == layout::CUSTOM || which == layout::MAPPED) {  // the gradient is unknown here
       out.margin[k] = most(settings, known);
       out.rate[k] = drift.rate, out.quickening[k] = drift.quickening;
-      out.leaning[k] = settings.cap;
+      out.usable[k] = settings.cap;
     } else {
       if (certain) {
         out.margin[k] = settings.distance + settings.body;
@@ -253,9 +253,9 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
         slope[0] = jet.gx, slope[1] = jet.gy;
         const Row row = of_row(settings, unknown, gradient, which == half_plane::CODE, period);
         out.margin[k] = row.margin, out.rate[k] = row.rate;
-        out.quickening[k] = row.quickening, out.leaning[k] = row.leaning;
+        out.quickening[k] = row.quickening, out.usable[k] = row.usable;
       }
-      if (which == convex_polygon::CODE) out.leaning[k] += convex_polygon::used(parameters[k].data);
+      if (which == convex_polygon::CODE) out.usable[k] += convex_polygon::used(parameters[k].data);
     }
   }
 }

@@ -6,20 +6,20 @@ namespace hcbf {
 
 namespace monitor {
 
-struct Memory {  // of both signals
-  double error;     // E
-  double missed;    // the share of misses
-  double exact;     // the share that was met exactly
-  double off;       // the share that was off by more than an exact plant ever is
-  double samples;   // that tell
-  double bend;      // c
-  double in_a_row;  // samples at which the motion was off
+struct Inputs {    // those that arrive, against those that were chosen
+  double error;    // E
+  double missed;   // the share of misses
+  double exact;    // the share that was met exactly
+  double off;      // the share that was off by more than an exact plant ever is
+  double samples;  // that count
 };
 
-struct PlanarMemory {  // of the motion in the plane besides
+struct Motion {      // against the prediction; r and m' of models that are not planar stand elsewhere
   double drift[2];   // r [m]
-  double motion[2];  // m [m]
+  double motion[2];  // m' [m]
   double body[4];    // position [m] and velocity [m/s] at the last sample
+  double bend;       // c
+  double in_a_row;   // samples at which the motion was off
 };
 
 }  // namespace monitor

@@ -32,7 +32,7 @@ struct Rows {
 };
 
 // Writes of rows (N, m, WIDTH + n_u) what they reserve, from `general_rows::MARGIN` to `FAST`: m, ṁ, m̈,
-// leaning, by how much the body's reach lowers h, and 1 where the body is faster than a speed limit.
+// usable, by how much the body's reach lowers h, and 1 where the body is faster than a speed limit.
 // `period`: T [s], 0 where it is unknown; `slope` (n,) is written to.
 inline void of_models(const Uncertainty& settings, const Rows& rows, const Several& several, double period,
                       Vector<double> slope, Cube<double> out) {
@@ -66,9 +66,9 @@ inline void of_models(const Uncertainty& settings, const Rows& rows, const Sever
         const bool straight = kind == half_plane::CODE;
         const margins::Row found = margins::of_row(settings, unknown, slope, straight, period);
         row[margins::MARGIN] = found.margin, row[margins::RATE] = found.rate;
-        row[margins::QUICKENING] = found.quickening, row[margins::LEANING] = found.leaning;
+        row[margins::QUICKENING] = found.quickening, row[margins::USABLE] = found.usable;
         row[margins::REACH] = found.steep * settings.body;
-        if (kind == convex_polygon::CODE) row[margins::LEANING] += convex_polygon::used(c.data);
+        if (kind == convex_polygon::CODE) row[margins::USABLE] += convex_polygon::used(c.data);
       }
       row[margins::MARGIN] += rows.least(i, k) + rows.bend(i, k);
     }

@@ -10,13 +10,12 @@
 #include <vector>
 
 #include <hcbf/monitor.hpp>
+#include <hcbf/pseudo_inverse.hpp>
 
 namespace hcbf::model_monitor {
 
 constexpr double STILL = 0.002;    // of what the largest inputs change in τ: a smaller motion is rounding
 constexpr double ROUNDING = 1e-9;
-constexpr double EPSILON = 1e-15;  // of `pseudo_inverse`
-constexpr int MOST_SWEEPS = 30;
 constexpr double WRAPPED = 0.5;    // how near to a whole turn a jump must be to be one [rad]
 constexpr double TURN = 6.283185307179586;
 
@@ -48,7 +47,7 @@ struct Arrival {  // what seems to have become of the chosen input
 struct Seen {  // two samples
   Sample now, last;
   Arrival arrival;    // of the input between them
-  Cube<double> sums;  // (N, 3, n) r, m and m', written to
+  Cube<double> sums;  // (N, 2, n) r and m', written to
 };
 
 struct Room {  // for one plant after the other
@@ -75,63 +74,6 @@ inline double missed(double x, double expected) {
   return std::abs(turned) < WRAPPED ? turned : missed;
 }
 
-// Turns two columns.
-inline void turn(Matrix<double> part, Index i, Index j, double cos, double tan) {
-  for (Index k = 0; k < part.rows; ++k) {
-    const double first = part(k, i), second = part(k, j);
-    part(k, i) = cos * (first - tan * second);
-    part(k, j) = cos * (second + tan * first);
-  }
-}
-
-// The squared length of a column.
-inline double squared(Matrix<const double> columns, Index j) {
-  double sum = 0.0;
-  for (Index k = 0; k < columns.rows; ++k) sum += columns(k, j) * columns(k, j);
-  return sum;
-}
-
-// Writes g⁺ (n_u, n) of g (n, n_u): pairs of columns are turned until all are orthogonal (Jacobi), then
-// g⁺ = V diag(1/σ²) (g V)ᵀ with σ their lengths; those below EPSILON of the greatest count as 0.
-// `columns` (n, n_u) and `turns` (n_u, n_u) are written to.
-inline void pseudo_inverse(Matrix<const double> g, Matrix<double> out, Matrix<double> columns,
-                           Matrix<double> turns) {
-  const Index n = g.rows, n_u = g.columns;
-  std::copy_n(g.data, n * n_u, columns.data);
-  std::fill_n(turns.data, n_u * n_u, 0.0);
-  for (Index j = 0; j < n_u; ++j) turns(j, j) = 1.0;
-  bool still = false;
-  for (int sweep = 0; sweep < MOST_SWEEPS && !still; ++sweep) {
-    still = true;
-    for (Index i = 0; i < n_u; ++i)
-      for (Index j = i + 1; j < n_u; ++j) {
-        double a = 0.0, b = 0.0, along = 0.0;
-        for (Index k = 0; k < n; ++k) {
-          a += columns(k, i) * columns(k, i);
-          b += columns(k, j) * columns(k, j);
-          along += columns(k, i) * columns(k, j);
-        }
-        if (!(std::abs(along) > EPSILON * std::sqrt(a * b))) continue;
-        still = false;
-        const double twist = (b - a) / (2.0 * along);
-        double tan = 1.0 / (std::abs(twist) + std::sqrt(1.0 + twist * twist));
-        if (!(twist >= 0.0)) tan = -tan;
-        const double cos = 1.0 / std::sqrt(1.0 + tan * tan);
-        turn(columns, i, j, cos, tan);
-        turn(turns, i, j, cos, tan);
-      }
-  }
-  double largest = 0.0;
-  for (Index j = 0; j < n_u; ++j) largest = std::max(largest, squared(columns, j));
-  std::fill_n(out.data, n_u * n, 0.0);
-  for (Index j = 0; j < n_u; ++j) {
-    const double size = squared(columns, j);
-    if (!(size > EPSILON * EPSILON * largest)) continue;
-    for (Index i = 0; i < n_u; ++i)
-      for (Index k = 0; k < n; ++k) out(i, k) += turns(i, j) / size * columns(k, j);
-  }
-}
-
 // Writes û and g⁺, and returns whether any input seems to differ from the chosen one. `accepted` (N,):
 // whether this sample is valid; `x` (N, n): states of the bodies; `g` (N, n, n_u): at the sample before;
 // `arrival.body` holds where u leads.
@@ -145,7 +87,7 @@ inline bool arrivals(const Watched& watched, Records<plants::Plant> plants, Vect
     if (!compares(watched, plants[i], accepted[i])) continue;
     for (Index k = 0; k < n; ++k)
       for (Index j = 0; j < n_u; ++j) steered(k, j) = watched.steered[k] ? g(i, k, j) : 0.0;
-    pseudo_inverse(steered, arrival.to_input[i], room.columns(), room.turns());
+    pseudo_inverse::write(steered, arrival.to_input[i], room.columns(), room.turns());
     double furthest = 0.0;
     for (Index j = 0; j < n_u; ++j) {
       double off = 0.0;
@@ -188,7 +130,7 @@ inline bool misses(const Watched& watched, plants::Plant& plant, Matrix<const do
   if (!std::isfinite(error)) return false;
   const double least = 2.0 * (confidence * confidence) * noisy / (period * period);
   if (monitor::SHARE * monitor::SHARE * chosen <= least && noisy > 0.0) chosen = 0.0;
-  return monitor::account(plant.watched, error, chosen, period / monitor::WINDOW, watched.radius);
+  return monitor::account(plant.inputs, error, chosen, period / monitor::WINDOW, watched.radius);
 }
 
 // Takes Π v in the place of v (n,); g counts in the steered states alone. `scratch` (n,) is written to.
@@ -203,16 +145,16 @@ inline void unreached(Matrix<const double> g, Vector<const bool> steered, Matrix
   }
 }
 
-// tr(Π P Π); Π is symmetric, so that it is tr(Π P). `parts` (4, n) is written to.
+// tr(Π P Π); Π is symmetric, so that it is tr(Π P). `column` and `scratch` (n,) are written to.
 inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered,
                               Matrix<const double> to_input, Matrix<const double> covariance,
-                              Matrix<double> parts) {
+                              Vector<double> column, Vector<double> scratch) {
   double trace = 0.0;
   for (Index k = 0; k < covariance.rows; ++k) {
     if (covariance(k, k) == 0.0) continue;
-    for (Index q = 0; q < covariance.rows; ++q) parts(0, q) = covariance(q, k);
-    unreached(g, steered, to_input, parts[0], parts[3]);
-    trace += parts(0, k);
+    for (Index q = 0; q < covariance.rows; ++q) column[q] = covariance(q, k);
+    unreached(g, steered, to_input, column, scratch);
+    trace += column[k];
   }
   return std::max(0.0, trace);
 }
@@ -221,6 +163,7 @@ inline double unreached_trace(Matrix<const double> g, Vector<const bool> steered
 inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, const Seen& seen,
                       Matrix<const double> covariance, Matrix<double> parts) {
   const Sample &now = seen.now, &last = seen.last;
+  const Matrix<double> sums = seen.sums[i];
   const Arrival& arrival = seen.arrival;
   const Vector<const double> x = now.body[i], before = last.body[i];
   const Matrix<const double> g = last.g[i], to_input = arrival.to_input[i];
@@ -243,21 +186,11 @@ inline bool moves_off(const Watched& watched, plants::Plant& plant, Index i, con
     total += parts(0, k) + parts(1, k) + parts(2, k);
   }
   if (!std::isfinite(total + change)) return false;
-  const Matrix<double> sums = seen.sums[i];
-  const double left = monitor::fade(watched.period);
-  double off = 0.0, moved = 0.0, meant = 0.0;
-  for (Index k = 0; k < x.size; ++k) {
-    sums(0, k) = left * sums(0, k) + parts(0, k);
-    sums(1, k) = left * sums(1, k) + parts(1, k) + parts(0, k);
-    sums(2, k) = left * sums(2, k) + parts(1, k);
-    off += sums(0, k) * sums(0, k);
-    moved += sums(1, k) * sums(1, k);
-    meant += sums(2, k) * sums(2, k);
-  }
   const double rest = STILL * monitor::WINDOW * std::sqrt(driven) + ROUNDING * size;
-  const double unknown = unreached_trace(g, watched.steered, to_input, covariance, parts);
-  return monitor::strays(plant.watched, std::sqrt(off), std::sqrt(std::max(moved, meant)), std::sqrt(change),
-                         rest, watched.confidence * std::sqrt(unknown), watched.period);
+  const double unknown = unreached_trace(g, watched.steered, to_input, covariance, parts[2], parts[3]);
+  const double spread = watched.confidence * std::sqrt(unknown);
+  return monitor::strays(plant.motion, &sums(0, 0), &sums(1, 0),
+                         {parts[0], parts[1], std::sqrt(change), rest, spread, watched.period});
 }
 
 // Accounts for a sample of N plants, and raises their alarms. `covariance` (N, n, n): of x, 0 where that
@@ -270,7 +203,7 @@ inline void observe(const Watched& watched, Records<plants::Plant> plants, Vecto
     if (!accepted[i]) continue;
     if (plant.fault >= reason::FIRST_ALARM) monitor::latch(plant, plant.fault);
     if (compares(watched, plant, true)) {
-      pseudo_inverse(seen.last.g_model[i], inverse, room.columns(), room.turns());
+      pseudo_inverse::write(seen.last.g_model[i], inverse, room.columns(), room.turns());
       const double noisy = plant.has_model ? 0.0 : trace(inverse, covariance[i]);
       const Arrival& arrival = seen.arrival;
       if (misses(watched, plant, inverse, seen.now.model[i], arrival.model[i], arrival.chosen[i], noisy))

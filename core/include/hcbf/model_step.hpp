@@ -68,7 +68,7 @@ class Step {
     for (auto* each : {&f_, &expected_, &expected_model_, &led_, &body_now_, &model_now_, &f_now_})
       each->resize(states);
     for (auto* each : {&g_, &g_now_, &g_model_now_, &to_input_}) each->resize(inputs);
-    memory_.resize(6 * states + 2 * inputs);
+    memory_.resize(5 * states + 2 * inputs);
     arrived_.resize(count * model.n_u), chosen_ = arrived_;
     jacobian_.resize(states * model.n);
   }
@@ -91,7 +91,7 @@ class Step {
   void sense(Records<plants::Plant> sensed, const state_check::States& states, Records<report::Plant> told,
              bool parts) {
     for (Index i = 0; i < count_; ++i)
-      if (!sensed[i].known) std::fill_n(sums()[i].data, 3 * model_.n, 0.0);
+      if (!sensed[i].known) std::fill_n(sums()[i].data, 2 * model_.n, 0.0);
     if (state_check::check_all(sensed, states, settings_.velocity_at, told)) {
       propagate(sensed, states, told);
       state_check::replace_all(sensed, states, told);
@@ -147,7 +147,7 @@ class Step {
  private:
   Matrix<double> f(std::vector<double>& of) const { return {of.data(), count_, model_.n}; }
   Cube<double> g(std::vector<double>& of) const { return {of.data(), count_, model_.n, model_.n_u}; }
-  Cube<double> sums() { return {memory_.data() + memory_.size() - 3 * count_ * model_.n, count_, 3, model_.n}; }
+  Cube<double> sums() { return {memory_.data() + memory_.size() - 2 * count_ * model_.n, count_, 2, model_.n}; }
 
   // Lets the model propagate the states that were accepted last, of plants that are not now.
   void propagate(Records<plants::Plant> sensed, const state_check::States& states,
@@ -253,7 +253,7 @@ class Step {
   bool turns_ = false;
   std::vector<char> accepted_, other_;  // (N,)
   std::vector<double> f_, g_, jacobian_;  // at x
-  std::vector<double> memory_;            // the sample before, field by field, and (N, 3, n) sums
+  std::vector<double> memory_;            // the sample before, field by field, and (N, 2, n) sums
   std::vector<double> body_now_, model_now_, f_now_, g_now_, g_model_now_;
   std::vector<double> chosen_, arrived_, expected_, expected_model_, led_, to_input_;
   std::vector<double> gradient_, bend_;  // zeros

@@ -64,8 +64,8 @@ struct Plant {
   Index lost;        // whether it finds no path to the goal
   double zone;       // the rank of the map's zone that the plant is in, 0 for none
   // what is remembered from step to step
-  monitor::Memory watched;
-  monitor::PlanarMemory planar;
+  monitor::Inputs inputs;
+  monitor::Motion motion;
   double expected[2];  // velocity of the model at the last sample [m/s]
   double vague[3];     // xx, xy and yy of its covariance at the last sample [m^2/s^2]
   double growth;       // what that grew by when it grew last [m^2/s^2]

@@ -58,7 +58,7 @@ inline void take_rows(const Constants& c, const One& p, Work& w) {
     for (Index j = 0; j < w.a.columns; ++j) w.a(k, j) = row[general_rows::WIDTH + j];
     for (Index q = 0; q < 4; ++q) w.rows(q, k) = row[q];  // b, h, alpha2(psi) and psi
     w.margin(margins::MARGIN, k) = row[general_rows::MARGIN];
-    w.margin(margins::LEANING, k) = row[general_rows::LEANING];
+    w.margin(margins::USABLE, k) = row[general_rows::USABLE];
     w.strict[k] = row[general_rows::PLACED] != 0.0 && p.priority[k] == 1;
     if (c.drives) axle_step::turn_row(c, p, w, k);
   }
@@ -153,7 +153,7 @@ inline void ask(const Constants& c, const Settings& settings, const One& p, Work
   } else {
     plant.follows = 0;
   }
-  p.report.model_error = std::sqrt(plant.watched.error);
+  p.report.model_error = std::sqrt(plant.inputs.error);
   p.report.reachable = 0.0;
   if (stops(why, c.brakes)) {
     wish_to_stop(c, settings, p, w.u);
@@ -190,7 +190,7 @@ inline void brake(const Constants& c, Settings settings, const One& p, Work& w) 
   fit(c, settings, p, w);
   p.plant.follows = 0;
   if (c.drives) axle_step::turn_memory(p.plant, p.input.data);
-  p.report.model_error = std::sqrt(p.plant.watched.error), p.report.reachable = 0.0;
+  p.report.model_error = std::sqrt(p.plant.inputs.error), p.report.reachable = 0.0;
   wish_to_stop(c, settings, p, w.answer.u[0]);
 }
 

@@ -15,7 +15,7 @@ namespace hcbf::work {
 // The margins (4, m) of one plant, entry by entry.
 inline margins::Reserved reserved(Matrix<double> margin) {
   return {margin[margins::MARGIN].data, margin[margins::RATE].data, margin[margins::QUICKENING].data,
-          margin[margins::LEANING].data};
+          margin[margins::USABLE].data};
 }
 
 class Work {

@@ -1,21 +1,15 @@
 """A capsule: all that lies within a radius of a segment."""
 
 from dataclasses import dataclass, replace
-from types import ModuleType
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
-from hcbf_gym.barriers.shape import Planar, Shape, set_pairs, set_positive, shifted, traced_norm
+from hcbf_gym.barriers.shape import Shape, set_pairs, set_positive
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.constants import ON_EARTH
-
-CODE = 4
-START_X, START_Y = 2, 3  # [m]
-ALONG_X, ALONG_Y, LENGTH = 4, 5, 6  # the unit vector along the segment, and its length [m]
-RADIUS = 7  # [m]
 
 
 @dataclass(frozen=True)
@@ -42,7 +36,8 @@ class Capsule(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "capsule"
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 4
+    places: ClassVar[tuple[str, ...]] = ("start", "end")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -63,49 +58,16 @@ class Capsule(Shape):
         """Write the block c (WIDTH,)."""
         return _core.capsule_write(c, self.velocity, self.start, self.end, self.radius)
 
-    @classmethod
-    def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the capsules of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
-        blocks[:, [START_X, START_Y]] += step
-
     def outline(self) -> Array:
         """Return (34, 2) corners, the half circle around the end first."""
         turn = np.arctan2(self._vector[1], self._vector[0]) + np.linspace(-0.5, 0.5, 17) * np.pi
         half = self.radius * np.column_stack([np.cos(turn), np.sin(turn)])
         return np.concatenate([self.end + half, self.start - half])
 
-    def traced(self, jax: ModuleType) -> Planar:
-        """Return (x, y) → H for JAX."""
-        (cx, cy) = self.start
-        radius = self.radius
-        length = float(np.linalg.norm(self._vector))
-        (ax, ay) = (self._vector / length).tolist()
-        where = jax.numpy.where
-
-        def value(x: Any, y: Any) -> Any:
-            dx, dy = x - cx, y - cy
-            along = ax * dx + ay * dy
-            across = ax * dy - ay * dx
-            end = where(along > 0.5 * length, length, 0.0)
-            beside = where(across >= 0.0, across, -across)
-            to_end = traced_norm(jax, dx - end * ax, dy - end * ay)
-            return where((along > 0.0) & (along < length), beside, to_end) - radius
-
-        return value
-
-    @property
-    def anchor(self) -> Array:
-        """(2,) the middle of the segment [m]."""
-        return 0.5 * np.add(self.start, self.end)
-
     @property
     def size(self) -> float:
         """The radius [m]."""
         return self.radius
-
-    def moved(self, step: Array) -> Self:
-        """Return the capsule a step (2,) away."""
-        return replace(self, start=shifted(self.start, step), end=shifted(self.end, step))
 
     def resized(self, size: float) -> Self:
         """Return a capsule of another radius, and the same ratio of length to radius."""

@@ -1,19 +1,17 @@
 """A convex polygon."""
 
 from dataclasses import dataclass, replace
-from types import ModuleType
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.shape import Planar, Shape, set_pairs, shifted, traced_norm
+from hcbf_gym.barriers.shape import Shape, set_pairs, shifted
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
-CODE = 3
 COUNT, FIRST = 2, 3  # x and y of each corner from FIRST on [m]
 MAX_VERTICES = (layout.WIDTH - FIRST) // 2
 """Most corners of a polygon."""
@@ -41,7 +39,7 @@ class ConvexPolygon(Shape):
     vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "convex-polygon"
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,51 +75,6 @@ class ConvexPolygon(Shape):
         """Return (k, 2) the corners."""
         return np.array(self.vertices)
 
-    def traced(self, jax: ModuleType) -> Planar:
-        """Return (x, y) → H for JAX."""
-        jnp = jax.numpy
-        corners = np.array(self.vertices)
-        sides = np.concatenate([corners, np.roll(corners, -1, axis=0) - corners], axis=1).tolist()
-
-        def nearest_side(x: Any, y: Any) -> tuple[Any, Any]:
-            """Return whether (x, y) is outside, and the side that decides h: corner, direction."""
-            height = -np.inf
-            nearest2 = np.inf
-            highest = sides[0]
-            nearest = sides[0]
-            for side in sides:
-                ax, ay, ex, ey = side
-                length2 = ex * ex + ey * ey
-                dx = x - ax
-                dy = y - ay
-                above = (ey * dx - ex * dy) / np.sqrt(length2)
-                along = jnp.clip((dx * ex + dy * ey) / length2, 0.0, 1.0)
-                distance2 = (dx - along * ex) ** 2 + (dy - along * ey) ** 2
-                higher = above > height
-                nearer = distance2 < nearest2
-                highest = [jnp.where(higher, n, o) for n, o in zip(side, highest, strict=True)]
-                nearest = [jnp.where(nearer, n, o) for n, o in zip(side, nearest, strict=True)]
-                height, nearest2 = jnp.maximum(height, above), jnp.minimum(nearest2, distance2)
-            outside = height > 0.0
-            side = [jnp.where(outside, n, i) for n, i in zip(nearest, highest, strict=True)]
-            return outside, side
-
-        def value(x: Any, y: Any) -> Any:
-            # which side it is has no derivative: only the chosen one is differentiated
-            at = jax.lax.stop_gradient(x), jax.lax.stop_gradient(y)
-            outside, (ax, ay, ex, ey) = nearest_side(*at)
-            length2 = ex * ex + ey * ey
-            dx = x - ax
-            dy = y - ay
-            above = (ey * dx - ex * dy) / jnp.sqrt(length2)
-            along = (dx * ex + dy * ey) / length2
-            end = (along <= 0.0) | (along >= 1.0)
-            far = jnp.where(along > 0.5, 1.0, 0.0)
-            to_corner = traced_norm(jax, dx - far * ex, dy - far * ey)
-            return jnp.where(outside & end, to_corner, above)
-
-        return value
-
     @property
     def anchor(self) -> Array:
         """(2,) the mean of the corners [m]."""
@@ -156,9 +109,9 @@ def _check(name: str, corners: Array) -> None:
     following = np.roll(edges, -1, axis=1)
     turns = edges[..., 0] * following[..., 1] - edges[..., 1] * following[..., 0]
     winding = np.arctan2(turns, np.sum(edges * following, axis=2)).sum(axis=1)
-    bent = (turns <= 0.0).any(axis=1) | (winding > 2.5 * np.pi)
-    if bent.any():
+    wrong = (turns <= 0.0).any(axis=1) | (winding > 2.5 * np.pi)
+    if wrong.any():
         raise InvalidInputError(
-            f"{name}: got {corners[bent][0].tolist()}, "
+            f"{name}: got {corners[wrong][0].tolist()}, "
             "expected the corners of a strictly convex polygon, counter-clockwise"
         )

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import ModuleType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -10,20 +9,11 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.shape import (
-    Oval,
-    Planar,
-    Shape,
-    set_pairs,
-    set_positive,
-    shifted,
-    traced_norm,
-)
+from hcbf_gym.barriers.shape import PLACE, Oval, Shape, set_pairs, set_positive
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
-CODE = 1
-CENTER_X, CENTER_Y, RADIUS = 2, 3, 4  # [m]
+RADIUS = 4  # behind the centre [m]
 
 
 @dataclass(frozen=True)
@@ -47,7 +37,7 @@ class Disc(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "disc"
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,7 +56,7 @@ class Disc(Shape):
         if (discs[:, 2] <= 0.0).any():
             raise InvalidInputError(f"{name}: got radius {discs[:, 2].min()}, expected > 0")
         blocks = np.zeros((len(discs), layout.WIDTH))
-        blocks[:, [CENTER_X, CENTER_Y, RADIUS]] = discs
+        blocks[:, [*PLACE, RADIUS]] = discs
         return blocks
 
     @classmethod
@@ -74,37 +64,18 @@ class Disc(Shape):
         """Return (k, WIDTH) the blocks of k discs."""
         blocks = np.zeros((len(shapes), layout.WIDTH))
         numbers = [(*one.velocity, *one.center, one.radius) for one in shapes]
-        columns = [layout.VELOCITY_X, layout.VELOCITY_Y, CENTER_X, CENTER_Y, RADIUS]
+        columns = [layout.VELOCITY_X, layout.VELOCITY_Y, *PLACE, RADIUS]
         blocks[:, columns] = np.reshape(numbers, (-1, 5))
         return blocks
-
-    @classmethod
-    def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the discs of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
-        blocks[:, [CENTER_X, CENTER_Y]] += step
 
     def outline(self) -> Oval:
         """Return the circle."""
         return Oval(self.center, (self.radius, self.radius), 0.0)
 
-    def traced(self, jax: ModuleType) -> Planar:
-        """Return (x, y) → H for JAX."""
-        (cx, cy), radius = self.center, self.radius
-        return lambda x, y: traced_norm(jax, x - cx, y - cy) - radius
-
-    @property
-    def anchor(self) -> Array:
-        """(2,) the centre [m]."""
-        return np.array(self.center)
-
     @property
     def size(self) -> float:
         """The radius [m]."""
         return self.radius
-
-    def moved(self, step: Array) -> Self:
-        """Return the disc a step (2,) away."""
-        return replace(self, center=shifted(self.center, step))
 
     def resized(self, size: float) -> Self:
         """Return a disc of another radius."""

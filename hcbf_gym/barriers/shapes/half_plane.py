@@ -1,7 +1,6 @@
 """A straight wall."""
 
 from dataclasses import dataclass, replace
-from types import ModuleType
 from typing import ClassVar, Self
 
 import numpy as np
@@ -9,11 +8,10 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.shape import Planar, Shape, Wall
+from hcbf_gym.barriers.shape import Shape, Wall
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import ON_EARTH
 
-CODE = 0
 NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4
 
 
@@ -34,7 +32,7 @@ class HalfPlane(Shape):
     normal: Pair = (1.0, 0.0)
     offset: float = 0.0
     kind: ClassVar[str] = "half-plane"
-    code: ClassVar[int] = CODE
+    code: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,11 +64,6 @@ class HalfPlane(Shape):
         """Return the wall."""
         return Wall(self.normal, self.offset)
 
-    def traced(self, jax: ModuleType) -> Planar:
-        """Return (x, y) → H for JAX."""
-        (nx, ny), offset = self.normal, self.offset
-        return lambda x, y: nx * x + ny * y - offset
-
     @property
     def anchor(self) -> Array:
         """(2,) the point of the wall nearest the origin [m]."""
@@ -98,7 +91,7 @@ def _unit(name: str, walls: Array) -> Array:
     """Return unit normals and offsets (…, 3), to the last digit.
 
     A normal of a few digits is not quite a unit vector, and far from the origin, as in survey
-    coordinates, the wall of the offset as it stands is metres away.
+    coordinates, the wall of the offset as it is given is metres away.
 
     Raises:
         InvalidInputError: if a normal is none.
@@ -106,9 +99,6 @@ def _unit(name: str, walls: Array) -> Array:
     with np.errstate(over="ignore"):  # of an infinite length: refused like any other
         lengths = np.linalg.norm(walls[..., :2], axis=-1, keepdims=True)
     if (np.abs(lengths - 1.0) > 1e-6).any():
-        raise InvalidInputError(f"{name}: got a normal of length {_worst(lengths)}, expected 1")
+        worst = float(lengths.flat[np.argmax(np.abs(lengths - 1.0))])
+        raise InvalidInputError(f"{name}: got a normal of length {worst}, expected 1")
     return np.where(np.abs(lengths - 1.0) > 1e-12, walls / lengths, walls)
-
-
-def _worst(lengths: Array) -> float:
-    return float(lengths.flat[np.argmax(np.abs(lengths - 1.0))])

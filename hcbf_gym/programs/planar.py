@@ -5,7 +5,7 @@ What is given up with that: the violations that a level pays are the least up to
 as exact as they decide it; see `soft_minimum::keep_least`.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,6 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import InvalidInputError, finite_array, floats, holds_numbers
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.programs.planar.records import Settings
 from hcbf_gym.programs.plans import LOCK, LOWER, Plan
 from hcbf_gym.programs.prices import Prices
 from hcbf_gym.programs.program import Program, check_shapes, explain
@@ -24,13 +23,37 @@ from hcbf_gym.programs.result import FilterResult, FilterStatus
 _STATUSES = tuple(FilterStatus)
 
 
+class Settings(NamedTuple):
+    """A program's plan, its prices and U; `program_records::Settings` of the core.
+
+    Attributes:
+        lower: its place in `plans.LOWER`.
+        by_level: whether each priority is a stage; if not there are two, strict rows and others.
+        lock: its place in `plans.LOCK`.
+        ranks: whether rows of priority 1 come before the others.
+        guided: whether guidance may add a row of the last rank, which costs the others nothing.
+        radius: the largest norm of an input in U.
+        lambda_u: λ_u.
+        known_offset: as `Prices` has it.
+        vertices: (K, V, 2) the corners of U, counter-clockwise; K is 1, or N for N states with a U
+            of their own.
+        weights: (K, 1 + L) as `Prices` has them. K as above.
+    """
+
+    lower: int
+    by_level: bool
+    lock: int
+    ranks: bool
+    guided: bool
+    radius: float
+    lambda_u: float
+    known_offset: bool
+    vertices: Array
+    weights: Array
+
+
 class _Compiled:
     """What one state and N of them share: a program as the core reads it.
-
-    Args:
-        plan: what is solved.
-        prices: its numbers.
-        input_set: U.
 
     Raises:
         InvalidInputError: if U has not two inputs.
@@ -52,7 +75,7 @@ class _Compiled:
             prices.lambda_u,
             prices.known_offset,
             np.ascontiguousarray(input_set.vertices())[None],
-            np.ascontiguousarray(prices.weights.table),
+            np.ascontiguousarray(prices.weights),
         )
         self._core = _core.PlanarProgram(*self._settings)
 
@@ -60,19 +83,18 @@ class _Compiled:
         return type(self), (self.plan, self.prices, self.input_set)
 
     def settings_of(self, count: int) -> Settings:
-        """Return what the filter must know of the program, for N states.
+        """Return the program for a filter of N states.
 
         Raises:
             InvalidInputError: if the weights are those of another number of states.
         """
-        self.prices.weights.check(count)
+        self.prices.check(count)
         return self._settings
 
     def _solve(self, u_nominal: Array, rows: CbfRows) -> Array:
         """Return u, slack, δ and the statuses of all states, one after the other."""
-        if rows.alpha2_psi is None:  # b stands in for an α₂(ψ) that nobody reads
-            self.prices.least_slack(rows)
-            rows = rows._replace(alpha2_psi=rows.b)
+        if rows.alpha2_psi is None:
+            rows = self.prices.complete(rows)
         shape = rows.b.shape
         kind, psi = rows.priority.dtype.kind, rows.alpha2_psi
         fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape
@@ -86,7 +108,7 @@ class _Compiled:
             np.ascontiguousarray(rows.b, np.float64),
             np.ascontiguousarray(rows.h, np.float64),
             np.ascontiguousarray(rows.priority, np.int64),
-            np.ascontiguousarray(rows.alpha2_psi, np.float64),
+            np.ascontiguousarray(psi, np.float64),
             answer,
         ):
             finite_array("u_nominal", u_nominal, u_nominal.shape)
@@ -99,15 +121,16 @@ class PlanarProgram(_Compiled, Program):
 
     def __init__(self, plan: Plan, prices: Prices, input_set: InputSet) -> None:
         super().__init__(plan, prices, input_set)
-        prices.weights.check(1)
+        prices.check(1)
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
-        if not _is_pair(u_nominal):
-            u_nominal = finite_array("u_nominal", floats("u_nominal", u_nominal, (2,)), (2,))
+        u = u_nominal
+        if not (type(u) is np.ndarray and u.shape == (2,) and u.dtype == np.float64):
+            u = finite_array("u_nominal", floats("u_nominal", u, (2,)), (2,))
         if _dimensions(rows) != 1:
             raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected (m,): one state")
-        answer = self._solve(np.ascontiguousarray(u_nominal), rows)
+        answer = self._solve(np.ascontiguousarray(u), rows)
         end, status = 2 + rows.b.size, _STATUSES[int(answer[-1])]
         return FilterResult(answer[:2], answer[2:end], answer[end:-1], status, 0)
 
@@ -133,7 +156,7 @@ class BatchProgram(_Compiled):
         shape = rows.b.shape
         if dimensions != 2 or shape[0] != count:
             raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
-        self.prices.weights.check(count)
+        self.prices.check(count)
         answer = self._solve(desired, rows)
         sizes = 2 * count, rows.b.size, rows.b.size
         u, slack, delta, status = np.split(answer, np.cumsum(sizes))
@@ -156,8 +179,3 @@ def _dimensions(rows: CbfRows) -> int:
     if not all(type(part) is np.ndarray and holds_numbers(part.dtype) for part in parts[:4]):
         check_shapes(rows, 2)
     return rows.b.ndim
-
-
-def _is_pair(u: ArrayLike) -> bool:
-    """Return whether u* is what the core reads, so that nothing needs to be checked."""
-    return type(u) is np.ndarray and u.shape == (2,) and u.dtype == np.float64

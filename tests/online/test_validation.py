@@ -1,4 +1,4 @@
-"""What used to pass in silence: walls that lay elsewhere, robots that cannot stop in time."""
+"""Validation of scenes and robots: walls elsewhere, robots that cannot stop in time."""
 
 import warnings
 
@@ -42,9 +42,9 @@ def test_a_barrier_that_cannot_be_moved_stops_a_robot_that_starts_far_away():
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -away[0] - 3.0)
     safe = VelocityFilter(CART, [wall, drawn])
     with pytest.warns(SafetyWarning, match="far from the origin: drawn: "):
-        told, report = safe.step((1.0, 0.0), (*away, 0.0), np.zeros(3), 0.0)
+        given, report = safe.step((1.0, 0.0), (*away, 0.0), np.zeros(3), 0.0)
     assert report["status"] == FilterStatus.BACKUP
-    assert not told.any()
+    assert not given.any()
 
 
 @pytest.mark.parametrize("normal", [(0.866025, 0.5), (0.7071065, 0.7071065), (-0.258819, 0.965926)])
@@ -93,7 +93,7 @@ WEDGE = [
 ]
 
 
-def test_a_robot_that_cannot_stop_where_walls_close_in_is_told_so_without_a_speed_limit():
+def test_a_robot_that_cannot_stop_where_walls_close_in_is_warned_of():
     typed = Response(time_constant=0.1, delay=0.05, braking=1.5)
     robot = Robot(Command(2.0, 1.5, sideways=2.0), typed, reach=0.3)
     with pytest.warns(CoverageWarning, match=r"where strict regions close in, .* stop the robot"):

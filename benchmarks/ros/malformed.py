@@ -1,20 +1,12 @@
-"""Bent parameter files: each is refused by the parameter's name before the node is active.
+"""Malformed parameter files: each is refused by the parameter's name before the node is active.
 
-    python -m benchmarks.ros.suites bent
-    python -m benchmarks.ros.bent 20    # through rclpy: `hcbf ros --autostart` on each
-
-A sound file is drawn, and one of its parameters is bent, as the table of parameters has them. What
-is not refused must be the sound file in other words.
+A valid file is drawn, and one of its parameters is replaced by an invalid value, after the table of
+parameters. A file that is not refused must be the valid one in another form.
 """
 
-import json
 import math
-import os
 import re
-import subprocess
-import sys
 import tempfile
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,32 +54,23 @@ TOPICS = ("", "a b", "1st", "a//b", "a/", "ä", "{a", "a-b", "~a", "/", "a\nb")
 
 
 class Outcome(NamedTuple):
-    """What came of a file.
+    """What came of a file."""
 
-    Attributes:
-        name: of the parameter that is bent.
-        value: what it got.
-        refused: whether the file was refused in words.
-        named: whether they hold the name.
-        harmless: whether what was taken is the sound file in other words.
-        says: the error.
-    """
-
-    name: str
+    name: str  # of the parameter
     value: Any
     refused: bool
-    named: bool
-    harmless: bool
-    says: str
+    named: bool  # whether the message contains the name
+    harmless: bool  # whether it is the valid file in another form
+    message: str
 
     @property
     def is_well(self) -> bool:
-        """Whether the file was refused by name, or is sound."""
+        """Whether the file was refused by name, or is valid."""
         return self.named if self.refused else self.harmless
 
 
 def write_files(folder: Path) -> None:
-    """Write what sound files name, and files that are none."""
+    """Write the files of valid parameters, and malformed ones."""
     white = np.full((40, 40), 254, dtype=np.uint8)
     white[:3] = 0
     for name, mode in (("room", "trinary"), ("slow", "scale")):
@@ -101,15 +84,15 @@ def write_files(folder: Path) -> None:
     (folder / "list.yaml").write_text("[1, 2]", encoding="utf-8")
     (folder / "folder.yaml").mkdir()
     Response(time_constant=0.1, delay=0.05).save(folder / "response.json")
-    (folder / "bent.json").write_text('{"time_constant": -1}', encoding="utf-8")
+    (folder / "malformed.json").write_text('{"time_constant": -1}', encoding="utf-8")
 
 
-BENT_FILES = ("missing.yaml", "noimage.yaml", "nan.yaml", "empty.yaml", "binary.yaml", "list.yaml",
-              "folder.yaml", "bent.json", "\0")  # fmt: skip
+BAD_FILES = ("missing.yaml", "noimage.yaml", "nan.yaml", "empty.yaml", "binary.yaml", "list.yaml",
+              "folder.yaml", "malformed.json", "\0")  # fmt: skip
 
 
 def sound(rng: Rng, folder: Path) -> Given:
-    """Return a file that nobody minds."""
+    """Return a valid file."""
     names = [name for name in SOURCES if rng.random() < 0.5]
     given: Given = {**ROBOTS[int(rng.integers(len(ROBOTS)))], "observation_sources": names}
     for name in names:
@@ -120,32 +103,34 @@ def sound(rng: Rng, folder: Path) -> Given:
     return given
 
 
-def bends(given: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, Any]]:
-    """Yield the name of a parameter and a value that does not fit; what is not told is missing."""
+def invalid(given: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, Any]]:
+    """Yield the name of a parameter and an invalid value."""
     names = given["observation_sources"]
     for name, one in by_name(names).items():
         yield from ((name, value) for value in _of_kind(one))
         last = name.split(".")[-1]
         is_grid = "." in name and given.get(f"{name.split('.')[0]}.type") in GRIDS
         if last == "response_file" or (last == "file" and is_grid):
-            yield from ((name, str(folder / file)) for file in BENT_FILES)
+            yield from ((name, str(folder / file)) for file in BAD_FILES)
         if last == "points" and name.startswith("zone."):
             yield from ((name, points) for points in POLYGONS)
         if last.endswith("topic") and (last != "state_topic"):
             yield from ((name, topic) for topic in TOPICS if topic or given.get(name))
-    yield from (("robot", robot) for robot in ("warehouse", str(folder / "bent.json"), "\0", "go9"))
+    yield from (
+        ("robot", robot) for robot in ("warehouse", str(folder / "malformed.json"), "\0", "go9")
+    )
     yield from (("footprint", text) for text in ("[[1, 2]]", "[[0,0],[nan,1],[1,0]]", "round", "["))
     for name in by_name(names):
         yield f"{name}s", 1.0
         yield f"x{name}", True
-    for name in ("nobody", "LASER"):
+    for name in ("absent", "LASER"):
         yield f"{name}.type", "scan"
     yield "global_frame_id", "map"
     yield "observation_sources", [*names, *(names or ["a"])[:1], "a"]
     yield "cmd_vel_out_topic", given.get("cmd_vel_in_topic", "cmd_vel_smoothed")
     yield "v_max", 1e-3
     for name in names:
-        if name != "lawn":  # of which nothing is the type's own
+        if name != "lawn":  # it has no parameter of its type alone
             yield f"{name}.type", "polygon" if name != "zone" else "circle"
 
 
@@ -168,13 +153,13 @@ def _of_kind(one: Parameter) -> Iterator[Any]:
         yield from ("scan", [1], [""], ["a", "a"], ["a.b"], ["1st"], [None], ["period"])
     else:
         yield from ("fast", [1.0], "1.0", *numbers)
-        yield from (one.low - 0.001, one.low - 1e6) if one.low is not None else ()
-        yield from (one.high + 0.001, one.high + 1e6) if one.high is not None else ()
+        yield from (one.low - 0.001, one.low - 1e6) if math.isfinite(one.low) else ()
+        yield from (one.high + 0.001, one.high + 1e6) if math.isfinite(one.high) else ()
         yield from (1.5,) if one.kind is int else ()
 
 
 def harmless(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the same values in other words."""
+    """Yield the same values in another form."""
     for name, one in by_name(given["observation_sources"]).items():
         value = given.get(name, one.default)
         if one.kind is float and float(value).is_integer():
@@ -188,10 +173,9 @@ def harmless(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def try_file(whole: Given, name: str, value: Any) -> Outcome:
-    """Read a file with one parameter bent, and configure the core with it."""
-    bent = {**whole, name: value}
+    """Read a file with another value, and configure the core with it."""
     try:
-        settings = read(bent)
+        settings = read({**whole, name: value})
         NodeCore(settings)
     except HcbfError as error:
         return Outcome(name, value, True, _names(error, name), False, str(error))
@@ -200,17 +184,17 @@ def try_file(whole: Given, name: str, value: Any) -> Outcome:
 
 
 def _names(error: HcbfError, name: str) -> bool:
-    """Return whether an error speaks of a parameter, and holds its whole name."""
+    """Return whether an error is about a parameter, and contains its whole name."""
     text = str(error)
     whole = re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", text)
     return text.startswith("parameter") and whole is not None
 
 
 def draw(seed: int, folder: Path) -> tuple[Given, str, Any]:
-    """Return a sound file, and what is bent in it; in one of ten it is said in other words."""
+    """Return a valid file and another value for it; one of ten is the same in another form."""
     rng = np.random.default_rng([35, seed])
     given = sound(rng, folder)
-    every = list(harmless(given) if rng.random() < 0.1 else bends(given, folder))
+    every = list(harmless(given) if rng.random() < 0.1 else invalid(given, folder))
     names = sorted({name for name, _ in every})
     chosen = names[int(rng.integers(len(names)))]
     values = [value for name, value in every if name == chosen]
@@ -218,58 +202,21 @@ def draw(seed: int, folder: Path) -> tuple[Given, str, Any]:
 
 
 def run(count: int, folder: Path, first: int = 0) -> list[Outcome]:
-    """Return what came of so many files."""
+    """Return the outcomes of so many files."""
     write_files(folder)
     return [try_file(*draw(seed, folder)) for seed in range(first, first + count)]
 
 
-def as_file(given: Mapping[str, Any]) -> str:
-    """Return a parameter file: of YAML, JSON is a part."""
-    text = json.dumps({"hcbf_filter": {"ros__parameters": dict(given)}}, default=str)
-    return text.replace("NaN", ".nan").replace("Infinity", ".inf")
-
-
-def start(given: Mapping[str, Any], name: str, folder: Path) -> str:
-    """Start the node on a file; return who refuses it: "node" by name, "ROS" as no parameter file.
-
-    Args:
-        given: the parameters.
-        name: of the one that is bent.
-        folder: where the file is put.
-    """
-    file = folder / "bent.yaml"
-    file.write_text(as_file(given), encoding="utf-8")
-    command = [sys.executable, "-m", "hcbf_gym.cli", "ros", "--params", str(file), "--autostart"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    except subprocess.TimeoutExpired:
-        return "nobody"
-    said = done.stdout + done.stderr
-    if done.returncode == 0:
-        return "nobody"
-    if re.search(r"[Cc]ouldn't parse|[Ff]ailed to parse|RCLInvalidROSArgs", said):
-        return "ROS"
-    return "node" if name in said else f"nobody by name: {said[-500:]}"
-
-
-def main(count: int) -> int:
-    """Start the node on files that the core refuses; return how many were not refused by name."""
-    os.environ.update(ROS_LOCALHOST_ONLY="1", ROS_DOMAIN_ID="102")
-    found: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_files(folder)
-        for seed in range(count):
-            given, bent, value = draw(seed, folder)
-            if not try_file(given, bent, value).refused:
-                continue
-            who = start({**given, bent: value}, bent, folder)
-            found[who.split(" by name")[0]] += 1
-            if who not in ("node", "ROS"):
-                print(f"MISS {bent} = {value!r}: {who}", flush=True)
-    print(dict(found))
-    return found["nobody"]
-
-
-if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1])) > 0)
+def lines(quick: bool) -> Iterator[str]:
+    """Yield how many malformed files are refused."""
+    count = 20 if quick else 200
+    with tempfile.TemporaryDirectory() as folder:
+        found = run(count, Path(folder))
+    refused = sum(one.refused for one in found)
+    named = sum(one.refused and one.named for one in found)
+    same = sum(not one.refused and one.harmless for one in found)
+    yield f"{count} files: {refused} refused, {named} of them by name; {count - refused} taken, "
+    yield f"{same} of them the valid file in another form"
+    for seed, one in enumerate(found):
+        if not one.is_well:
+            yield f"   MISS seed {seed}: {one.name} = {one.value!r}: {one.message[:200]}"

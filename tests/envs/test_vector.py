@@ -2,44 +2,72 @@
 
 import copy
 import pickle
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
-from hcbf_gym import policies, wrappers
+from hcbf_gym import policies, programs, scenarios, wrappers
+from hcbf_gym.errors import InvalidInputError
 
 ID = "HCBF-Regions-v0"
 N, LIMIT = 3, 90
 MODES = list(AutoresetMode)
+SCENES = ("random-moving", "paper-experiment")
+TARN = f"{Path(__file__).parents[1] / 'scenarios' / 'tarn.py'}:tarn"
+SEEN = f"{TARN}-seen"  # with its own observation, reward and costs
+OTHERS = (
+    TARN,
+    SEEN,
+    "map-flat",
+    *(n for n in scenarios.families() if n not in SCENES and not n.startswith(("map-", "tarn"))),
+)
 STACKS = ("bare", "filter", "penalty", "held")
+CASES = [*((name, stack) for name in SCENES for stack in STACKS), *((n, "bare") for n in OTHERS)]
 HELD = 4  # does not divide the limit
 
 
-def single(scenario, stack="bare", limit=LIMIT):
+def single(scenario, stack="bare", limit=LIMIT, program="lex-cbf-qp"):
     env = gym.make(ID, scenario=scenario, max_episode_steps=limit)
     if stack != "bare":
-        env = wrappers.SafetyFilter(env, program="lex-cbf-qp")
+        env = wrappers.SafetyFilter(env, program=program)
     if stack == "held":
         return wrappers.HoldAction(env, HELD)
     return wrappers.InterventionPenalty(env) if stack == "penalty" else env
 
 
-def native(scenario, stack="bare", mode=AutoresetMode.NEXT_STEP, limit=LIMIT, n=N):
+def native(
+    scenario,
+    stack="bare",
+    mode=AutoresetMode.NEXT_STEP,
+    limit=LIMIT,
+    n=N,
+    program="lex-cbf-qp",
+):
     inner = AutoresetMode.DISABLED if stack == "held" else mode
     env = gym.make_vec(
         ID, num_envs=n, scenario=scenario, autoreset_mode=inner, max_episode_steps=limit
     )
     if stack != "bare":
-        env = wrappers.VectorSafetyFilter(env, program="lex-cbf-qp")
+        env = wrappers.VectorSafetyFilter(env, program=program)
     if stack == "held":
         return wrappers.VectorHoldAction(env, HELD, mode)
     return wrappers.VectorInterventionPenalty(env) if stack == "penalty" else env
 
 
-def sync(scenario, stack="bare", mode=AutoresetMode.NEXT_STEP, limit=LIMIT):
-    return SyncVectorEnv([lambda: single(scenario, stack, limit)] * N, autoreset_mode=mode)
+def sync(scenario, stack="bare", mode=AutoresetMode.NEXT_STEP, program="lex-cbf-qp"):
+    one = lambda: single(scenario, stack, program=program)  # noqa: E731
+    return SyncVectorEnv([one] * N, autoreset_mode=mode)
+
+
+def assert_close(one, other, where, atol):
+    np.testing.assert_allclose(
+        one, other, atol=atol, rtol=0.0 if atol == 0.0 else 1e-7, err_msg=where
+    )
 
 
 def assert_equal(one, other, where="", atol=1e-7):
@@ -54,7 +82,7 @@ def assert_equal(one, other, where="", atol=1e-7):
         for mine, theirs in zip(np.atleast_1d(value), np.atleast_1d(other[key]), strict=True):
             assert (mine is None) == (theirs is None), place
             if mine is not None:
-                np.testing.assert_allclose(mine, theirs, atol=atol, err_msg=place)
+                assert_close(mine, theirs, place, atol)
 
 
 def row(infos, i):
@@ -66,34 +94,38 @@ def row(infos, i):
     }
 
 
-def assert_equal_returns(ones, others, where):
+def assert_equal_returns(ones, others, where, atol=1e-7):
     for mine, theirs in zip(ones[:-1], others[:-1], strict=True):
         assert mine.dtype == theirs.dtype, where
-        np.testing.assert_allclose(mine, theirs, atol=1e-7, err_msg=where)
-    assert_equal(ones[-1], others[-1], where)
+        assert_close(mine, theirs, where, atol)
+    assert_equal(ones[-1], others[-1], where, atol)
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("stack", STACKS)
-@pytest.mark.parametrize("scenario", ["random-moving", "paper-experiment"])
+@pytest.mark.parametrize(("scenario", "stack"), CASES)
 def test_native_sync_and_single_agree_in_everything(scenario, stack, mode):
     batch, joined, alone = native(scenario, stack, mode), sync(scenario, stack, mode), []
+    atol = 0.0 if stack == "bare" else 1e-7
     returns, expected = batch.reset(seed=7), joined.reset(seed=7)
-    assert_equal_returns(returns, expected, "reset")
+    assert_equal_returns(returns, expected, "reset", atol)
     for i in range(N):
         alone.append(single(scenario, stack))
         observation, info = alone[i].reset(seed=7 + i)
         np.testing.assert_allclose(returns[0][i], observation, atol=1e-12)
         assert_equal(row(returns[1], i), info)
     policy, ended, episodes = policies.PDTracker.for_env(batch), np.zeros(N, dtype=bool), 0
+    rng = np.random.default_rng(1)
+    if scenario == SEEN:  # PD cannot read its observations
+        policy = lambda observation, info: rng.uniform(-4.0, 4.0, (N, 2)).astype(np.float32)  # noqa: E731
     for k in range(2 * LIMIT + 5):
         if mode is AutoresetMode.DISABLED and ended.any():
             returns = batch.reset(options={"reset_mask": ended})
-            assert_equal_returns(returns, joined.reset(options={"reset_mask": ended.copy()}), k)
+            again = joined.reset(options={"reset_mask": ended.copy()})
+            assert_equal_returns(returns, again, f"reset at {k}", atol)
             ended = np.zeros(N, dtype=bool)
         u = policy(returns[0], returns[-1])
         returns, expected = batch.step(u), joined.step(u)
-        assert_equal_returns(returns, expected, f"step {k}")
+        assert_equal_returns(returns, expected, f"step {k}", atol)
         if not (ended.any() or episodes):  # the first episodes, before anything restarts
             for i, env in enumerate(alone):
                 observation, reward, terminated, truncated, info = env.step(u[i])
@@ -118,8 +150,8 @@ def test_a_reset_with_options_is_the_same_everywhere(mode):
     joined.reset(seed=1)
     for options in ({"start": [0.4, -0.3]}, {"scenario": "random-moving"}, None):
         mask = np.array([True, False, True])
-        asked = {"reset_mask": mask, **(options or {})}
-        returns, expected = batch.reset(options=asked), joined.reset(options=dict(asked))
+        given = {"reset_mask": mask, **(options or {})}
+        returns, expected = batch.reset(options=given), joined.reset(options=dict(given))
         np.testing.assert_allclose(returns[0][mask], expected[0][mask], atol=1e-9)
         assert_equal(returns[1], expected[1])
         assert [s.name for s in batch.unwrapped.scenes] == [
@@ -186,7 +218,7 @@ def test_a_reset_is_never_charged(mode):
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 @pytest.mark.parametrize("vector", [False, True])
-def test_a_copy_in_mid_episode_goes_on_identically(vector, duplicate):
+def test_a_copy_in_mid_episode_continues_identically(vector, duplicate):
     env = native("random", "penalty") if vector else single("random", "penalty")
     u = np.full((N, 2) if vector else 2, 1.5)
     env.reset(seed=4)
@@ -198,3 +230,93 @@ def test_a_copy_in_mid_episode_goes_on_identically(vector, duplicate):
         np.testing.assert_array_equal(one[0], two[0])
         np.testing.assert_array_equal(one[1], two[1])
         assert_equal(one[-1], two[-1], atol=0.0)
+
+
+@pytest.mark.parametrize("program", programs.names())
+def test_its_filter_decides_as_the_single_one_does(program):
+    scenario = "random" if program != "cbf-qp" else "paper-experiment"
+    batch = native(scenario, "filter", program=program)
+    joined = sync(scenario, "filter", program=program)
+    policy = policies.PDTracker.for_env(batch)
+    observation, info = batch.reset(seed=3)
+    expected, _ = joined.reset(seed=3)
+    for _ in range(LIMIT - 1):
+        u = policy(observation, info)
+        observation, reward, *_, info = batch.step(u)
+        expected, expected_reward, *_, expected_info = joined.step(u)
+        np.testing.assert_allclose(observation, expected, atol=1e-9)
+        np.testing.assert_allclose(reward, expected_reward, atol=1e-9)
+        one, other = info["safety_filter"], expected_info["safety_filter"]
+        np.testing.assert_allclose(one["u_safe"], other["u_safe"], atol=1e-7)
+
+
+def test_gymnasiums_spaces_and_wrappers_take_it():
+    env = native("random", n=4)
+    assert env.observation_space == batch_space(env.single_observation_space, 4)
+    assert env.action_space == batch_space(env.single_action_space, 4)
+    wrapped = NormalizeObservation(RecordEpisodeStatistics(env))
+    env.action_space.seed(0)
+    observation, _ = wrapped.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    episodes = 0
+    for _ in range(LIMIT + 1):
+        observation, reward, terminated, truncated, _ = wrapped.step(env.action_space.sample())
+        assert reward.shape == terminated.shape == truncated.shape == (4,)
+        episodes += int((terminated | truncated).sum())
+    assert episodes >= 4
+    assert np.isfinite(observation).all()
+    wrapped.close()
+    wrapped.close()
+
+
+def test_the_same_seed_gives_the_same_batch_and_each_its_own_scene():
+    def trajectory(seed):
+        env = native("random", n=3)
+        first, _ = env.reset(seed=seed)
+        actions = np.random.default_rng(0).uniform(-5, 5, (LIMIT + 20, 3, 2))
+        return np.array([first, *(env.step(u)[0] for u in actions)])
+
+    np.testing.assert_array_equal(trajectory(5), trajectory(5))
+    assert not np.allclose(trajectory(5), trajectory(6))
+    assert len({float(first) for first in trajectory(5)[0, :, 0]}) == 3
+    # environment i has the seed 5 + i
+    np.testing.assert_array_equal(trajectory(5)[0, 1:], trajectory(6)[0, :-1])
+
+
+def test_the_scenes_property_shows_each_robots_scene():
+    env = native("random", n=5).unwrapped
+    env.reset(seed=0)
+    h, _ = env.barrier_set.sense(env.rom_state, env.time)
+    for i, scene in enumerate(env.scenes):
+        values = [barrier.h(env.rom_state[i], 0.0) for barrier in scene.barriers]
+        np.testing.assert_allclose(h[i, : len(values)], values, atol=1e-9)
+
+
+def test_an_intervention_is_charged_and_the_terms_still_sum_to_the_reward():
+    env = wrappers.InterventionPenalty(single("random", "filter"), weight=0.1)
+    assert isinstance(env.spec.make(), wrappers.InterventionPenalty)
+    env.reset(seed=0)
+    charged = 0.0
+    for _ in range(LIMIT - 1):
+        _, reward, _, _, info = env.step(np.full(2, 5.0))
+        terms = sum(value for key, value in info.items() if key.startswith("reward_"))
+        assert terms == pytest.approx(reward, abs=1e-12)
+        penalty = -0.1 * info["safety_filter"]["intervention"]
+        assert info["reward_intervention"] == pytest.approx(penalty)
+        charged += info["reward_intervention"]
+    assert charged < -0.1
+
+
+def test_a_penalty_without_a_filter_is_refused():
+    with pytest.raises(InvalidInputError, match="SafetyFilter"):
+        wrappers.InterventionPenalty(single("random"))
+    with pytest.raises(InvalidInputError, match="VectorSafetyFilter"):
+        wrappers.VectorInterventionPenalty(native("random"))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"n": 0}, {"limit": 0}, {"mode": "Sometimes"}], ids=["n", "limit", "mode"]
+)
+def test_a_batch_that_cannot_be_is_refused(wrong):
+    with pytest.raises(InvalidInputError, match="expected"):
+        native("random", **wrong)
