@@ -22,7 +22,7 @@ from hcbf_gym.barriers import (
     LinearClassK,
     LogClassK,
 )
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
@@ -255,7 +255,7 @@ def follow(d: Draw, at: Start, policy: Callable[[Array], Array]) -> tuple[float,
     return nearest, bool(silent)
 
 
-def _core(d: Draw, barriers: Any, batch: int | None) -> PlanarCore:
+def _core(d: Draw, barriers: Any, batch: int | None) -> FilterCore:
     """Return the filter of a draw."""
     plant = Plant(
         DoubleIntegrator(), barriers, lambda *_: None, d.input_set, period=d.period,
@@ -263,7 +263,7 @@ def _core(d: Draw, barriers: Any, batch: int | None) -> PlanarCore:
     )  # fmt: skip
     options = {"alpha1": d.alpha1, "alpha2": LinearClassK(d.alpha2)}
     settings = FilterSettings(d.program, "held", None, None, None, "warn", False, options)
-    return PlanarCore(plant, d.input_set, settings, batch)
+    return FilterCore(plant, d.input_set, settings, batch)
 
 
 def _spreads(d: Draw, t: float, size: float, shape: Array, root: Array) -> Array:

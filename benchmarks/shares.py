@@ -17,7 +17,7 @@ from hcbf_gym.barriers import Disc
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
-from hcbf_gym.wrappers import SafetyFilter, checks
+from hcbf_gym.wrappers import SafetyFilter
 
 PERIOD, ROUNDS, CALLS = 0.02, 200, 20
 
@@ -55,16 +55,13 @@ def shares() -> list[dict[str, Any]]:
     u = np.zeros(2)
     whole = _time(lambda: env.step(u)) - _time(lambda: bare.step(u))
     core: Any = env._core
-    samples, buffer = core._samples, core._buffer
+    samples, buffer = core.samples, core._report
     whole_report = buffer.words
     refused = buffer.plants.copy()
     refused["u_nominal"] = np.nan
-    compiled = core._filter_of
+    compiled = core._bound.core()
 
-    def sense() -> Any:
-        return env._readers(env._inner, env._observation, env._info)
-
-    barriers, estimate, _ = sense()
+    barriers, estimate, _ = env._sample()
 
     def call() -> None:
         samples.time[0] += PERIOD
@@ -82,8 +79,7 @@ def shares() -> list[dict[str, Any]]:
         samples.time[0] += PERIOD
 
     times = {
-        "the action, as an array of numbers": _time(lambda: checks.real_input(u, (2,))),
-        "the plant's readers": _time(sense),
+        "the plant's readers": _time(env._sample),
         "taking the estimate": (taking := _time(lambda: samples.take(estimate, None))),
         "taking the barriers": _time(lambda: core._take(barriers, estimate, None)) - taking,
         "crossing into compiled code": (crossing := _time(refuse())) - _time(later),

@@ -14,8 +14,6 @@ from hcbf_gym import models
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Disc, Function, HalfPlane, SpeedLimit
 from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.model_core import ModelCore
-from hcbf_gym.filter.planar_core import PlanarCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.autodiff import import_jax
 from hcbf_gym.models.axle import Axle
@@ -182,9 +180,8 @@ def core_of(case: Case) -> FilterCore:
         period=PERIOD, uncertainty=case.declared, axle=case.axle,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", True, {})
-    kind = PlanarCore if case.model == DoubleIntegrator() else ModelCore
     assert plant.input_set is not None
-    return kind(plant, plant.input_set, settings, COUNT)
+    return FilterCore(plant, plant.input_set, settings, COUNT)
 
 
 def nearest(case: Case, x: Array, heights: Callable[[Array], Array]) -> Array:

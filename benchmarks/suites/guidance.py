@@ -22,7 +22,7 @@ from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_share
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned
@@ -95,7 +95,7 @@ class Unguided:
     def __init__(self, env: Any, cell: Cell, count: int):
         self._env, self._plant = env.unwrapped, env.plant
         input_set = self._env.scenario.input_set
-        self._core = PlanarCore(self._plant, input_set, cell.settings(), count)
+        self._core = FilterCore(self._plant, input_set, cell.settings(), count)
         self._everyone = np.ones(count, dtype=np.bool_)
 
     def sense(self, observation: Any, info: dict[str, Any]) -> tuple[Any, Any]:

@@ -55,35 +55,35 @@ class Filter {
   }
 
   void set_states(Numbers<double, 2> x, Numbers<double, 2> model, Numbers<double, 2> lag,
-                  Numbers<double, 3> covariance, Numbers<double, 2> believed) {
-    states_ = {view(x), view(model), view(lag), view(covariance), view(believed)};
+                  Numbers<double, 3> covariance, Numbers<double, 2> accepted) {
+    states_ = {view(x), view(model), view(lag), view(covariance), view(accepted)};
     own_states_ = {std::move(x), std::move(model), std::move(lag), std::move(covariance),
-                   std::move(believed)};
+                   std::move(accepted)};
   }
 
   // Checks the states of planar double integrators, whose own rows are made from them.
-  void believe() {
+  void check_states() {
     for (Index i = 0; i < plants_.sensed.size; ++i)
-      plants_.reports[i].reason = state_check::believe(plants_.sensed[i], {plants_.sensed.tail(i), 2});
+      plants_.reports[i].reason = state_check::check(plants_.sensed[i], {plants_.sensed.tail(i), 2});
   }
   // Checks the states of any model, raises alarms, and writes braking inputs; returns whether u* is finite.
   bool sense(ModelStep& step, bool parts) {
     for (Index i = 0; i < plants_.reports.size; ++i)
-      if (!step::is_finite({plants_.reports.tail(i), plants_.n_u})) return false;
+      if (!program_records::are_finite({plants_.reports.tail(i), plants_.n_u})) return false;
     step.sense(plants_.sensed, states_, plants_.reports, parts);
     return true;
   }
   void make_rows(ModelStep& step) { step.make_rows(states_); }
 
   Index filter() {
-    const step::Said wrong = step::check(constants(), plants_);
+    const step::Answer wrong = step::check(constants(), plants_);
     if (wrong != step::DONE) return wrong;
     const Index count = plants_.sensed.size, parts = static_cast<Index>(rooms_.size());
     if (count < LEAST_PLANTS) return filter_some(0, count, rooms_[0]);  // sooner than the lock is released
     const nb::gil_scoped_release unlocked;
-    std::vector<Index> said(parts, step::DONE);
+    std::vector<Index> found(parts, step::DONE);
     const auto run = [&](Index part) {
-      said[part] = filter_some(count * part / parts, count * (part + 1) / parts, rooms_[part]);
+      found[part] = filter_some(count * part / parts, count * (part + 1) / parts, rooms_[part]);
     };
     std::vector<std::thread> others;
     others.reserve(parts - 1);
@@ -96,18 +96,19 @@ class Filter {
     }
     run(0);
     for (std::thread& other : others) other.join();
-    return *std::max_element(said.begin(), said.end());
+    return *std::max_element(found.begin(), found.end());
   }
 
   // Returns what is wrong with the arrays, as `filter`.
   Index check() const { return step::check(constants(), plants_); }
 
-  // Poses the problem of plant i to a solver outside.
-  void pose(Index i) {
+  // Poses the problem of plant i to a solver outside; false where the plant is brought to rest without it.
+  bool pose(Index i) {
     const One p = plants_[i];
-    posing::look(constants(), p);
+    if (!step::is_posed(constants(), program(i), p, rooms_[0])) return false;
     if (atlas_.size > 0) step::find_pieces(constants(), p, atlas_, rooms_[0]);
     posed_ = posing::pose(constants(), program(i), part(i), rooms_[0].work);
+    return true;
   }
 
   // u*, a, b, h, alpha2(psi) and ranks of the rows that were posed, where guidance's comes last.
@@ -211,15 +212,15 @@ void bind_filter(nb::module_& m) {
       .def("set_report", &Filter::set_report, "plants"_a.noconvert(), "rows"_a.noconvert(),
            "Write reports there from now on.")
       .def("set_states", &Filter::set_states, "x"_a.noconvert(), "model"_a.noconvert(), "lag"_a.noconvert(),
-           "covariance"_a.noconvert(), "believed"_a.noconvert(), "Check these states of a model from now on.")
-      .def("believe", &Filter::believe,
+           "covariance"_a.noconvert(), "accepted"_a.noconvert(), "Check these states of a model from now on.")
+      .def("check_states", &Filter::check_states,
            "Check the states of planar double integrators, and write the reasons.")
       .def("sense", &Filter::sense, "step"_a, "parts"_a,
            "Check the states of any model, raise alarms, write braking inputs, and return whether u* is finite.")
       .def("make_rows", &Filter::make_rows, "step"_a, "Write margins and rows of built-in barriers.")
       .def("filter", &Filter::filter, "Filter all plants, and return what is to be done.")
       .def("check", &Filter::check, "Return what is wrong with the arrays, as `filter` does.")
-      .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant.")
+      .def("pose", &Filter::pose, "i"_a, "Pose the problem of one plant; return False where that is brought to rest without it.")
       .def("problem", &Filter::problem, "Return u*, a, b, h, alpha2(psi) and ranks of the posed problem.")
       .def("answer", &Filter::answer, "Return the arrays of u, slack and delta that a solver writes to.")
       .def("conditions", &Filter::conditions, "i"_a,
@@ -240,7 +241,7 @@ void bind_filter(nb::module_& m) {
         const Records<plants::Plant> plants = records<plants::Plant>(sensed);
         Index worst = 0;
         for (Index i = 0; i < plants.size; ++i)
-          worst = std::max(worst, state_check::believe(plants[i], {plants.tail(i), 2}));
+          worst = std::max(worst, state_check::check(plants[i], {plants.tail(i), 2}));
         return worst;
       },
       "sensed"_a.noconvert(),

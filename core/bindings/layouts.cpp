@@ -100,15 +100,15 @@ RECORD(estimation_tick::Settings, FIELD(model), FIELD(errors), FIELD(legs), FIEL
        FIELD(settled), FIELD(period), FIELD(delay), FIELD(start))
 RECORD(monitor::Inputs, FIELD(error), FIELD(missed), FIELD(exact), FIELD(off), FIELD(samples))
 RECORD(monitor::Motion, FIELD(drift), FIELD(motion), FIELD(body), FIELD(bend), FIELD(in_a_row))
-RECORD(status::Memory, FIELD(news), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
+RECORD(conclusion::Memory, FIELD(change), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
 RECORD(Uncertainty, FIELD(distance), FIELD(per_velocity), FIELD(per_lead), FIELD(cap), FIELD(confidence),
        FIELD(body), FIELD(speed), FIELD(speed_per_velocity))
 template <>
 Fields fields_of<plants::Constants>() {
   using Record = plants::Constants;
   Fields fields = {FIELD(lower), FIELD(by_level), FIELD(lock), FIELD(ranks), FIELD(guided), FIELD(radius),
-                   FIELD(lambda_u), FIELD(known_offset), FIELD(corners), FIELD(input_sets), FIELD(weights),
-                   FIELD(made), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(sway),
+                   FIELD(lambda_u), FIELD(known_offset), FIELD(corners), FIELD(weights),
+                   FIELD(made), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(tracking),
                    FIELD(settles), FIELD(drives), FIELD(axle), FIELD(axle_rows), FIELD(jerk),
                    FIELD(has_way), FIELD(through), FIELD(brakes), FIELD(observed)};
   put_within(fields, offsetof(Record, uncertainty), fields_of<Uncertainty>());
@@ -121,11 +121,11 @@ Fields fields_of<plants::Plant>() {
   Fields fields = {FIELD(x), FIELD(time), FIELD(model), FIELD(lag), FIELD(covariance), FIELD(elapsed),
                    FIELD(fault), FIELD(has_model), FIELD(heading), FIELD(way), FIELD(turns), FIELD(turn),
                    FIELD(reachable), FIELD(lost), FIELD(zone), FIELD(expected), FIELD(vague), FIELD(growth),
-                   FIELD(believed), FIELD(headed), FIELD(believed_at), FIELD(follows), FIELD(known),
+                   FIELD(accepted), FIELD(headed), FIELD(accepted_at), FIELD(follows), FIELD(known),
                    FIELD(alarm), FIELD(moves)};
   put_within(fields, offsetof(Record, inputs), fields_of<monitor::Inputs>());
   put_within(fields, offsetof(Record, motion), fields_of<monitor::Motion>());
-  put_within(fields, offsetof(Record, judged), fields_of<status::Memory>());
+  put_within(fields, offsetof(Record, judged), fields_of<conclusion::Memory>());
   return fields;
 }
 

@@ -1,7 +1,7 @@
 #include <hcbf/a1_physics.hpp>
 #include <hcbf/fault_detection.hpp>
 #include <hcbf/locomotion_tick.hpp>
-#include <hcbf/motors.hpp>
+#include <hcbf/impedance.hpp>
 #include <hcbf/ros_robot.hpp>
 #include <hcbf/walker_physics.hpp>
 
@@ -51,7 +51,7 @@ struct Motors {
   Numbers<double, 1> delivered;
 
   void drive(double strength, const Given1& command) const {
-    motors::drive(view(stall), view(no_load_speed), view(rate), strength, view(command), view(delivered));
+    impedance::drive(view(stall), view(no_load_speed), view(rate), strength, view(command), view(delivered));
   }
 };
 
@@ -120,7 +120,7 @@ void bind_locomotion(nb::module_& m) {
       "torque_limits",
       [](Vector<const double> stall, Vector<const double> no_load_speed, Vector<const double> rate) {
         double limits[2][12];
-        motors::torque_limits(stall, no_load_speed, rate, {limits[0], 2, 12});
+        impedance::torque_limits(stall, no_load_speed, rate, {limits[0], 2, 12});
         return copied(limits[0], 2, 12);
       },
       "stall"_a, "no_load_speed"_a, "rate"_a,

@@ -73,13 +73,13 @@ auto foot_phases(const Gait& gait, double clock, Vector<const bool> contact) {
 
 auto nominal_stance(Matrix<const double> hip) {
   Vector2 nominal[4];
-  for (int foot = 0; foot < 4; ++foot) nominal[foot] = foothold::nominal_stance(rows_of<Vector3>(hip)[foot]);
+  for (int foot = 0; foot < 4; ++foot) nominal[foot] = feet::nominal_stance(rows_of<Vector3>(hip)[foot]);
   return copied(nominal[0].at, 4, 2);
 }
 
 void plan_feet(FootTargets& targets, const Gait& gait, double clock, Vector<const bool> contact,
                Matrix<const double> measured, Matrix<const double> nominal, double touchdown,
-               const foothold::Trunk& trunk, const BodyReference& reference, double dt) {
+               const feet::Trunk& trunk, const BodyReference& reference, double dt) {
   feet::Places places;
   std::copy_n(rows_of<Vector3>(measured), 4, places.measured);
   std::copy_n(rows_of<Vector2>(nominal), 4, places.nominal);
@@ -94,15 +94,15 @@ void bind_feet(nb::module_& m) {
         "Return the gait's clock [s] one tick later.");
   m.def("minimum_jerk_step", [](double position, double velocity, double acceleration, double target,
                                 double remaining, double dt) {
-    const auto then = swing::minimum_jerk_step(position, velocity, acceleration, target, remaining, dt);
+    const auto then = feet::minimum_jerk_step(position, velocity, acceleration, target, remaining, dt);
     return std::tuple(then.position, then.velocity, then.acceleration);
   }, "position"_a, "velocity"_a, "acceleration"_a, "target"_a, "remaining"_a, "dt"_a,
   "Return position, velocity and acceleration one tick later on the minimum-jerk path.");
-  m.def("swing_step", &swing::swing_step, "now"_a, "foothold"_a, "touchdown"_a, "remaining"_a, "duration"_a,
+  m.def("swing_step", &feet::swing_step, "now"_a, "foothold"_a, "touchdown"_a, "remaining"_a, "duration"_a,
         "dt"_a, "Return (3, 3) a swinging foot's position, velocity and acceleration one tick later.");
   m.def("nominal_stance", &nominal_stance, "hip"_a,
         "Return (4, 2) the footholds at rest in the trunk's axes, from the abad joints (4, 3) [m].");
-  m.def("foothold", &foothold::foothold, "nominal"_a, "trunk"_a, "reference"_a, "remaining"_a,
+  m.def("foothold", &feet::foothold, "nominal"_a, "trunk"_a, "reference"_a, "remaining"_a,
         "stance_time"_a, "Return (2,) the foothold in the world [m].");
   m.def("plan_feet", &plan_feet, "targets"_a, "gait"_a, "clock"_a, "contact"_a, "measured"_a, "nominal"_a,
         "touchdown"_a, "trunk"_a, "reference"_a, "dt"_a,
@@ -146,8 +146,8 @@ void bind_locomotion_parts(nb::module_& m) {
   bind_feet(m);
   bind_program(m);
   m.attr("RESTING") = gait::RESTING;
-  m.attr("SWING_HEIGHT") = swing::SWING_HEIGHT;
-  m.attr("MAX_OFFSET") = foothold::MAX_OFFSET;
+  m.attr("SWING_HEIGHT") = feet::SWING_HEIGHT;
+  m.attr("MAX_OFFSET") = feet::MAX_OFFSET;
   m.attr("LEASH") = body_reference::LEASH;
   m.attr("MAX_YAW_RATE") = body_reference::MAX_YAW_RATE;
   m.attr("MAX_YAW_ACCELERATION") = body_reference::MAX_YAW_ACCELERATION;

@@ -17,8 +17,8 @@ struct type_caster<hcbf::rotation::Quaternion> : numbers_caster<hcbf::rotation::
 template <>
 struct type_caster<hcbf::locomotion_state::RobotState> : numbers_caster<hcbf::locomotion_state::RobotState, 41> {};
 template <>
-struct type_caster<hcbf::foothold::Trunk>
-    : tuple_caster<hcbf::foothold::Trunk, hcbf::matrices::Vector3, hcbf::matrices::Vector3, double, double> {};
+struct type_caster<hcbf::feet::Trunk>
+    : tuple_caster<hcbf::feet::Trunk, hcbf::matrices::Vector3, hcbf::matrices::Vector3, double, double> {};
 template <>
 struct type_caster<hcbf::body_reference::BodyReference> : record_caster<hcbf::body_reference::BodyReference> {};
 template <>

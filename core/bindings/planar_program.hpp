@@ -32,15 +32,15 @@ class PlanarProgram {
               const OneOrMany<double>& h, const OneOrMany<Index>& priority,
               const OneOrMany<double>& alpha2_psi, const Numbers<double, 1>& answer) const {
     const Index n = u_nominal.size() / 2, total = b.size(), m = n > 0 ? total / n : 0;
-    const cbf_rows::CbfRows rows{{a.data(), n, m, 2}, {b.data(), n, m}, {h.data(), n, m},
+    const program_records::CbfRows rows{{a.data(), n, m, 2}, {b.data(), n, m}, {h.data(), n, m},
                                  {priority.data(), n, m}, {alpha2_psi.data(), n, m}};
-    if (!cbf_rows::are_finite({u_nominal.data(), 2 * n}) || !cbf_rows::are_finite({alpha2_psi.data(), total}))
+    if (!program_records::are_finite({u_nominal.data(), 2 * n}) || !program_records::are_finite({alpha2_psi.data(), total}))
       return false;
     for (Index i = 0; i < n; ++i)
-      if (!cbf_rows::well_formed(rows[i])) return false;
+      if (!program_records::well_formed(rows[i])) return false;
     double *u = answer.data(), *slack = u + 2 * n, *delta = slack + total;
     std::vector<Index> codes(2 * n);
-    const result::FilterResult found{
+    const program_records::FilterResult found{
         {u, n, 2}, {slack, n, m}, {delta, n, m}, {codes.data(), n}, {codes.data() + n, n}};
     cascade::filter_batch(settings_, {u_nominal.data(), n, 2}, rows, found);
     std::copy_n(codes.begin(), n, delta + total);

@@ -130,17 +130,17 @@ void bind_general(nb::module_& m) {
 void bind_rows(nb::module_& m) {
   m.attr("ZERO_GRADIENT") = tolerances::ZERO_GRADIENT;
   m.def("well_formed", [](const Numbers2& a, const Numbers1& b, const Numbers1& h, const Integers& priority) {
-    return cbf_rows::well_formed({view(a), view(b), view(h), view(priority), {}});
+    return program_records::well_formed({view(a), view(b), view(h), view(priority), {}});
   }, "a"_a, "b"_a, "h"_a, "priority"_a,
   "Return whether the rows of one state are finite, with priorities 1, 2, … without a gap.");
-  m.def("has_no_gap", [](const Integers& priority) { return cbf_rows::has_no_gap(view(priority)); },
+  m.def("has_no_gap", [](const Integers& priority) { return program_records::has_no_gap(view(priority)); },
         "priority"_a, "Return whether priorities are 1, 2, … without a gap.");
   m.def("row_weight", [](const Numbers1& table, Index priority, double h) {
-    return weights::weight_of(view(table), priority, h);
+    return program_records::weight_of(view(table), priority, h);
   }, "table"_a, "priority"_a, "h"_a, "Return λ_δ(h) of one row; infinity for one of a strict level.");
   m.def("violation", [](const Numbers2& a, const Numbers1& b, const Numbers1& u, double radius) {
     std::vector<double> slack(b.size());
-    result::violation(view(a), view(b), view(u), radius, {slack.data(), view(b).size});
+    program_records::violation(view(a), view(b), view(u), radius, {slack.data(), view(b).size});
     return array_of<1>(std::move(slack), {b.size()});
   }, "a"_a, "b"_a, "u"_a, "radius"_a,
   "Return each row's violation at u, with what rounding leaves set to 0.");

@@ -1,19 +1,28 @@
-"""The compiled filter by its front door: for N planar double integrators of any simulator."""
+"""The filter of N planar double integrators of any simulator, for arrays of NumPy, torch or JAX."""
 
 import math
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.many import Element, is_list
 from hcbf_gym.barriers.set import BarrierSet, Condition
-from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, floats, reals
-from hcbf_gym.filter.array_kinds import Numbers, like, numpy_of
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.errors import (
+    InvalidInputError,
+    as_array,
+    count,
+    finite_array,
+    finite_float,
+    floats,
+    library_of,
+    reals,
+)
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
@@ -21,13 +30,14 @@ from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
 
+Numbers = NDArray[Any]
+
 
 class BatchFilter:
-    """Filters the inputs of N planar double integrators, each with a ranked scene of its own.
+    """Filters the inputs of N planar double integrators, each in its ranked scene.
 
     ``ẋ = (v, u)``; u is held for one period. A plant whose state is not finite, of no sample or of
-    a time that does not go on is brought to rest alone: its `status` is BACKUP and its `reason`
-    says why.
+    a time that does not advance is brought to rest alone: its `status` is BACKUP, with a `reason`.
 
     Args:
         input_set: U of each plant [m/s²].
@@ -39,7 +49,7 @@ class BatchFilter:
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], for guidance; None takes it from
             barriers, states and goals.
         on_alarm: "warn" or "brake", where a plant is not the one that was declared.
-        threads: how many cores work at once; what comes out is the same.
+        threads: how many cores work at once; the answer is the same.
         **options: as `wrappers.SafetyFilter` takes them, and `rows`.
 
     Raises:
@@ -85,7 +95,7 @@ class BatchFilter:
             extent=extent, uncertainty=uncertainty,
         )  # fmt: skip
         settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
-        self._core = PlanarCore(plant, input_set, settings, num_envs, count("threads", threads))
+        self._core = FilterCore(plant, input_set, settings, num_envs, count("threads", threads))
         self._barriers: Any = None
         self._scenes: BarrierSet | None = None
         self._goal: Array | None = None
@@ -99,7 +109,7 @@ class BatchFilter:
 
     @goal.setter
     def goal(self, goal: object) -> None:
-        given = numpy_of("goal", goal)
+        given = _numpy_of("goal", goal)
         goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
         self._goal = np.broadcast_to(goals, (self._count, 2)).copy()
 
@@ -130,8 +140,8 @@ class BatchFilter:
         self._scenes = self._barriers = None
         if is_list(barriers):
             barriers = tuple(tuple(one) if is_list(one) else one for one in barriers)
-        scenes = self._core.read_scenes(barriers)
-        self._core.check_limits(scenes)
+        scenes = self._core.scenes.read(barriers)
+        self._core.scenes.check_limits(scenes)
         self._scenes, self._barriers = scenes, barriers
 
     def reset(self, mask: object = None, x: object = None, goal: object = None) -> Info:
@@ -152,13 +162,13 @@ class BatchFilter:
             raise InvalidInputError("reset: got no x, expected the states (N, 4) of all plants")
         chosen = np.ones(self._count, dtype=np.bool_)
         if mask is not None:
-            chosen = numpy_of("mask", mask)
+            chosen = _numpy_of("mask", mask)
             if chosen.dtype != np.bool_ or chosen.shape != (self._count,):
                 raise InvalidInputError(
                     f"mask: got {chosen.dtype} {chosen.shape}, expected bool ({self._count},)"
                 )
         if goal is not None:
-            given = numpy_of("goal", goal)
+            given = _numpy_of("goal", goal)
             goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
             kept = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
             self._goal = np.where(chosen[:, None], goals, kept)
@@ -171,7 +181,7 @@ class BatchFilter:
             self._barriers, self._estimate(x, None, None, None), self._goal, self._extent
         )
         self._begun |= chosen
-        back = like(x.x if isinstance(x, Estimate) else x)
+        back = _like(x.x if isinstance(x, Estimate) else x)
         return {key: back(value) for key, value in report.items()}
 
     def __call__(
@@ -202,19 +212,21 @@ class BatchFilter:
             )
         shape = (2,) if self.num_envs is None else (self._count, 2)
         wanted = floats("u_nominal", u_nominal, shape)
-        back = like(u_nominal)
-        self._core.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
+        back = _like(u_nominal)
+        self._core.made.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
         estimate = self._estimate(x, time, elapsed, missing)
         world = self._goal, self._extent
         u, report = self._core.step(
             wanted.astype(np.float64), self._barriers, estimate, world=world
         )
-        return back(u.astype(self._core.told_as)), {k: back(value) for k, value in report.items()}
+        return back(u.astype(self._core.made.dtype)), {
+            k: back(value) for k, value in report.items()
+        }
 
     def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:
         """Return what is known of the plants."""
         given = x.x if isinstance(x, Estimate) else x
-        known = floats("x", numpy_of("x", given))
+        known = floats("x", _numpy_of("x", given))
         estimate = x._replace(x=known) if isinstance(x, Estimate) else Estimate(known)
         if time is not None:
             estimate = estimate._replace(time=reals("time", self._of_all("time", time)))
@@ -233,10 +245,27 @@ class BatchFilter:
 
     def _of_all(self, name: str, value: object) -> Numbers:
         """Return a number of each plant, of which one may be given for all."""
-        given = numpy_of(name, value)
+        given = _numpy_of(name, value)
         return np.broadcast_to(given, self._count) if given.ndim == 0 else given
 
 
 def _nothing(*_: object) -> tuple[()]:
-    """Stand for readers that this filter does not use: it is handed everything."""
+    """Stand in for readers that this filter does not use."""
     return ()
+
+
+def _numpy_of(name: str, value: Any) -> Numbers:
+    """Return `value` as `as_array` does; masked entries are NaN."""
+    if np.ma.is_masked(value) and value.dtype.kind in "fiu":
+        return np.ma.filled(value.astype(np.float64), np.nan)
+    return as_array(name, value)
+
+
+def _like(example: object) -> Callable[[Numbers], Any]:
+    """Return what turns an array of NumPy into the kind that `example` is."""
+    kind = library_of(example)
+    if kind == "torch":
+        return sys.modules["torch"].as_tensor
+    if kind == "jax":
+        return sys.modules["jax"].numpy.asarray
+    return lambda array: array

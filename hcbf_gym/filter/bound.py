@@ -2,6 +2,9 @@
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.filter import solvers
+from hcbf_gym.filter.configured import Configured
 from hcbf_gym.filter.report import ReportBuffer
 from hcbf_gym.filter.samples import Samples
 
@@ -14,58 +17,67 @@ or a warning is due."""
 
 
 class Bound:
-    """Binds what is another array than before, so that a step passes none; a copy binds its own.
+    """Binds arrays where they are others than before, so that a step passes none.
 
     Args:
+        made: settings of the filter.
+        samples: of the plants.
+        report: of them.
         threads: how many cores filter parts of a batch at once.
     """
 
-    def __init__(self, threads: int):
-        self._threads = threads
+    def __init__(self, made: Configured, samples: Samples, report: ReportBuffer, threads: int):
+        self._made, self._samples, self.report, self._threads = made, samples, report, threads
         self._forget()
 
     def _forget(self) -> None:
-        """Bind everything anew."""
-        self._filter: _core.Filter | None = None
-        self._plants: tuple[Array, Array, Array] | None = None
-        self._report: object = None
+        """Bind everything at the next step."""
+        self._core: _core.Filter | None = None
+        self._words: object = None
         self._scene: tuple[Integers | Array | None, ...] = (None,) * 6
 
-    def __getstate__(self) -> int:
-        return self._threads
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy needs, which binds its own arrays."""
+        names = ("_made", "_samples", "report", "_threads")
+        return {name: getattr(self, name) for name in names}
 
-    def __setstate__(self, threads: int) -> None:
-        self._threads = threads
+    def __setstate__(self, state: dict[str, object]) -> None:
+        vars(self).update(state)
         self._forget()
 
-    def of(
-        self, constants: Array, program: Array, samples: Samples, report: ReportBuffer
-    ) -> _core.Filter:
-        """Return the filter of plants that writes their reports.
+    def core(self) -> _core.Filter:
+        """Return the compiled filter, bound to the plants and their reports."""
+        core, made = self._core, self._made
+        if core is None:
+            core = _core.Filter(made.words, made.program, self._samples.words, self._threads)
+            if self._samples.is_apart:
+                core.set_states(*self._samples.states)
+            self._core = core
+        if self.report.words is not self._words:
+            self._words = self.report.words
+            core.set_report(*self.report.words)
+        return core
+
+    def filter(self, scene: SceneArrays, own: Array) -> int:
+        """Filter the plants by the compiled program or a solver; return what is to be done.
 
         Args:
-            constants: the numbers of a `plants.CONSTANTS`.
-            program: see `plants.constants`.
-            samples: of the plants.
-            report: of them.
+            scene: of the plants.
+            own: rows that were made beforehand.
         """
-        compiled, known = self._filter, self._plants
-        if compiled is None or known is None or program is not known[1]:
-            self._forget()
-            compiled = _core.Filter(constants, program, samples.words, self._threads)
-            if samples.is_apart:
-                compiled.set_states(*samples.states)
-            self._filter, self._plants = compiled, (constants, program, samples.words)
-        if report.words is not self._report:
-            self._report = report.words
-            compiled.set_report(*report.words)
-        return compiled
-
-    def see(self, compiled: _core.Filter, scene: SceneArrays, own: Array) -> None:
-        """Let the filter read these scenes, and rows that were made beforehand."""
+        core = self.core()
         kind, parameters, priority, own_margin, atlas = scene
         a, b, c, d, e, f = self._scene
         same = kind is a and parameters is b and priority is c and own_margin is d
         if not (same and atlas is e and own is f):
-            compiled.set_scene(*scene, own)
+            core.set_scene(*scene, own)
             self._scene = *scene, own
+        if self._made.solver is None:
+            return core.filter()
+        return solvers.answer(self._made.solver, core, self._made.count)
+
+
+def arrays_of(scene: BarrierSet) -> SceneArrays:
+    """Return the scenes as compiled code reads them."""
+    numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
+    return (*numbers, scene.atlas.numbers)

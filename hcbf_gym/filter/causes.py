@@ -1,5 +1,8 @@
 """Why a filter brakes, in words: which part of what it was given is wrong, and where."""
 
+import re
+from collections.abc import Callable
+
 import numpy as np
 
 from hcbf_gym import _core
@@ -8,22 +11,80 @@ from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import SMOOTH
 from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE, shown
-from hcbf_gym.filter.state_check import numbers_of
+from hcbf_gym.errors import UNREADABLE, SafetyWarning, shown, warn_caller
+from hcbf_gym.filter.samples import Samples, numbers_of
 from hcbf_gym.models.constants import FARTHEST, LONGEST
-from hcbf_gym.models.plant import Estimate, Plant
+from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
+_NUMBER = re.compile(r"[\d.]+")
 
-def of_state(estimate: Estimate, plant: Plant, i: int, count: int) -> str:
-    """Return which entry of plant i's estimate is none; "" where all seem sound.
+
+class ReasonWarnings:
+    """Warns of each reason once, whatever its numbers.
 
     Args:
+        brakes_on_alarm: whether an alarm makes the filter brake.
+    """
+
+    def __init__(self, brakes_on_alarm: bool):
+        self._brakes = brakes_on_alarm
+        self._known: set[tuple[int, str]] = set()
+
+    def forget(self, reason: int) -> None:
+        """Let a reason be warned of again."""
+        self._known = {kind for kind in self._known if kind[0] != reason}
+
+    def warn(self, reason: int, count: int, cause: Callable[[int], str]) -> None:
+        """Warn of a `Reason` that was not warned of yet.
+
+        Args:
+            reason: what happened.
+            count: how many plants of a batch it happened to.
+            cause: reason → what exactly is wrong; "" where nothing more is known.
+        """
+        if reason == Reason.NONE or (reason != Reason.AGE and (reason, "") in self._known):
+            return
+        why = cause(reason)
+        kind = int(reason), _NUMBER.sub("", why) if reason == Reason.AGE else ""  # old, or ahead
+        if kind in self._known:
+            return
+        self._known.add(kind)
+        until = "until the next reset" if Reason(reason).lasts else "until that ends"
+        brakes = reason < FIRST_ALARM or self._brakes
+        does = "brakes" if brakes else "continues without a promise"
+        many = "" if count == 1 else f" of {count} plants"
+        text = f"{Reason(reason).text}{f' ({why})' if why else ''}"
+        warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)
+
+
+def cause_of(
+    reason: int, estimate: Estimate, samples: Samples, scene: BarrierSet, plant: Plant, i: int
+) -> str:
+    """Return what exactly is wrong of plant i; "" for no more.
+
+    Args:
+        reason: of the plant, a `Reason`.
         estimate: of N plants.
+        samples: of them.
+        scene: of them.
         plant: what each of them is.
         i: which.
-        count: N.
     """
+    count = len(samples.plants)
+    if reason == Reason.STATE:
+        return _of_state(estimate, plant, i, count)
+    if reason == Reason.AGE:
+        return samples.wrong_age
+    if reason == Reason.CLOCK:
+        return _of_clock(estimate, float(samples.plants["accepted_at"][i]), i, count)
+    if reason == Reason.BARRIERS:
+        return _of_barriers(scene, plant.model, samples.x[i].copy(), float(samples.time[i]), i)
+    return ""
+
+
+def _of_state(estimate: Estimate, plant: Plant, i: int, count: int) -> str:
+    """Return which entry of plant i's estimate is none; "" where all seem sound."""
     n = plant.model.n
     parts = {"x": (n,), "model": (n,), "lag": (n,), "covariance": (n, n), "heading": (),
              "elapsed": ()}  # fmt: skip
@@ -35,46 +96,33 @@ def of_state(estimate: Estimate, plant: Plant, i: int, count: int) -> str:
         one = _one_of(value, shape, i, count)
         if one is None:
             return f"{name}: got {shown(value)}, expected real numbers of shape {shape}"
-        if name == "covariance" and not _core.is_covariance(one):
-            return f"covariance: got {shown(one.tolist())}, expected a symmetric one, none below 0"
-        if name == "elapsed" and not 0.0 < one <= LONGEST:
-            return f"elapsed: got {one:g} s, expected above 0 s and at most {LONGEST:g} s"
-        far = (
-            np.argwhere(~(np.abs(one) <= FARTHEST)) if name not in ("covariance", "elapsed") else ()
-        )
-        for index in far:
-            where = f"{name}{index.tolist() or ''}"
-            return f"{where} is {one[tuple(index)]:g}, expected a number within ±{FARTHEST:g}"
+        if name == "covariance":
+            if not _core.is_covariance(one):
+                return (
+                    f"covariance: got {shown(one.tolist())}, expected a symmetric one, none below 0"
+                )
+        elif name == "elapsed":
+            if not 0.0 < one <= LONGEST:
+                return f"elapsed: got {one:g} s, expected above 0 s and at most {LONGEST:g} s"
+        else:
+            for index in np.argwhere(~(np.abs(one) <= FARTHEST)):
+                where = f"{name}{index.tolist() or ''}"
+                return f"{where} is {one[tuple(index)]:g}, expected a number within ±{FARTHEST:g}"
     return ""
 
 
-def of_clock(estimate: Estimate, last: float, i: int, count: int) -> str:
-    """Return what is wrong with the time of plant i's state.
-
-    Args:
-        estimate: of N plants.
-        last: the time of the last state that was accepted [s].
-        i: which plant.
-        count: N.
-    """
+def _of_clock(estimate: Estimate, last: float, i: int, count: int) -> str:
+    """Return what is wrong with the time of plant i's state, after the `last` valid one [s]."""
     if estimate.time is None:
-        return "barriers move, and nothing tells when: expected Plant(period=…) or Estimate(time=…)"
+        return "barriers move without a time: expected Plant(period=…) or Estimate(time=…)"
     time = _one_of(estimate.time, (), i, count)
     if time is None or not np.isfinite(time):
         return f"got {shown(estimate.time)}, expected a finite time [s]"
     return f"got {float(time):.9g} s after {last:.9g} s"
 
 
-def of_barriers(scene: BarrierSet, model: ReducedOrderModel, x: Array, t: float, i: int) -> str:
-    """Return which barrier of scene i is not finite, its value or a derivative, and where.
-
-    Args:
-        scene: of N plants.
-        model: of the plants, whose f and g may fail, too.
-        x: (n,) the state.
-        t: its time [s].
-        i: which scene.
-    """
+def _of_barriers(scene: BarrierSet, model: ReducedOrderModel, x: Array, t: float, i: int) -> str:
+    """Return which barrier of scene i is not finite at x (n,), its value or a derivative."""
     at = f"at x = {shown(x.tolist())}, t = {t:.6g} s"
     try:
         f, g = model.terms(x)

@@ -14,7 +14,7 @@ from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, rea
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 _FREE = ("covered", "goal", "extent", "uncertainty")
-"""What of a plant a filter may change, where an environment has one of its own."""
+"""What of an environment's plant a filter may change."""
 
 
 class Earned(NamedTuple):
@@ -31,7 +31,7 @@ class Earned(NamedTuple):
     declared: Mapping[str, object] | Reader | None
 
     def __call__(self, env: object, observation: object, info: Info) -> Judged:
-        """Return what the certificate says of the plant now."""
+        """Return what the certificate covers of the plant now."""
         now = read(self.declared, env, observation, info) or {}
         return judge(
             dict(self.stated) | dict(now), self.certificate.plant, reason=CoveredBy.CERTIFICATE
@@ -39,10 +39,9 @@ class Earned(NamedTuple):
 
 
 def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
-    """Return the plant as a certificate speaks of it; warn where it speaks of another one.
+    """Return the plant with a certificate's margins; warn where that is of another plant.
 
-    Margins that follow from a law of the plant's own stay the plant's, and so does what its
-    body reaches.
+    The reach of the body stays the plant's.
 
     Args:
         plant: that a filter has.
@@ -72,13 +71,12 @@ def limits(
     """Warn of a filter's plant and arguments where they were not tested; None where they were.
 
     On a double integrator that is its model any margin and any α whose row U can brake are as good.
-    Nothing is said of plants that are not covered whatever the filter is.
 
     Args:
-        asked: the filter's arguments by their names, see `core.FilterSettings`.
+        asked: the filter's arguments by their names, see `FilterSettings`.
         plant: that the filter has.
         other: in what it is not the one that the environment brings, see `differs`.
-        certificate: that was asked for; None for none.
+        certificate: of the plant; None for none.
     """
     known = plant.covered
     known = known.covered if isinstance(known, Judged) else known
@@ -97,13 +95,13 @@ def limits(
         "alpha1": class_k.make(asked["options"].get("alpha1", LogClassK())),
         "alpha2": class_k.make(asked["options"].get("alpha2", 2.0)),
     }
-    told: dict[str, Any] = {n: records.to_dict(one, class_k.KINDS) for n, one in alphas.items()}
-    told |= {
+    plain: dict[str, Any] = {n: records.to_dict(one, class_k.KINDS) for n, one in alphas.items()}
+    plain |= {
         "program": programs.plain(asked["program"]),
         "on_alarm": None if asked["on_alarm"] == plant.on_alarm else asked["on_alarm"],
         "options": {name: one for name, one in asked["options"].items() if name not in alphas},
     }
-    matters = {name: {**asked, **told}[name] for name in ranges}
+    matters = {name: {**asked, **plain}[name] for name in ranges}
     both = (
         judge({"plant": other}, tested["plant of the filter"], reason=CoveredBy.PLANT),
         judge(matters, ranges, reason=CoveredBy.FILTER),
@@ -111,12 +109,12 @@ def limits(
     outside = [one for one in both if one.outside]
     if not outside:
         return None
-    says = tuple(phrase for one in outside for phrase in one.reasons)
+    phrases = tuple(phrase for one in outside for phrase in one.reasons)
     warn_caller(
-        f"safety filter: the promise was not tested with {', '.join(says)}: covered is 0",
+        f"safety filter: the promise was not tested with {', '.join(phrases)}: covered is 0",
         CoverageWarning,
     )
-    return outside[0]._replace(reasons=says)
+    return outside[0]._replace(reasons=phrases)
 
 
 def differs(plant: Plant, env: Any) -> list[str]:
@@ -126,14 +124,14 @@ def differs(plant: Plant, env: Any) -> list[str]:
         plant: that the filter has.
         env: unwrapped.
     """
-    said = []
+    found = []
     ours = certificates.is_of_package(type(env))
     if certificates.is_of_package(plant.declared) and not ours:
-        said.append("another environment than the package's")
+        found.append("another environment than the package's")
     own = getattr(env, "plant", None)
     if not isinstance(own, Plant):
-        return said
-    said += [
+        return found
+    found += [
         f"another {field.name.replace('_', ' ')} than the environment's"
         for field in fields(plant)
         if field.name not in _FREE
@@ -141,5 +139,5 @@ def differs(plant: Plant, env: Any) -> list[str]:
     ]
     reserved = zip(plant.uncertainty, own.uncertainty, strict=True)
     if any(less < needed for less, needed in reserved):
-        said.append("a lower uncertainty than the environment's")
-    return said
+        found.append("a lower uncertainty than the environment's")
+    return found

@@ -1,4 +1,4 @@
-"""A filter of N plants as its user asked for it: settings, read once at the door, and program."""
+"""The immutable configuration of a filter of N plants: validated settings, and the program."""
 
 from functools import cached_property
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array, Records
+from hcbf_gym.arrays import Records
 from hcbf_gym.barriers import axle_rows, braking, class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.rows import RowSettings
@@ -17,12 +17,10 @@ from hcbf_gym.errors import (
     SafetyWarning,
     check_options,
     choose,
-    finite_array,
     flag,
     warn_caller,
 )
 from hcbf_gym.filter import plants
-from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.settings import (
     ROW_OPTIONS,
     FilterSettings,
@@ -44,19 +42,21 @@ class Configured:
     """What a filter of N plants never changes.
 
     Attributes:
-        alpha1: α₁ as the rows have it, scaled down where U cannot brake what it asks for.
+        alpha1: α₁ as the rows have it, scaled down to what U can brake.
         alpha2: α₂.
         alpha1_scale: by which factor; 1 where U can.
-        row_settings: how rows are made, for a held input where that was asked for.
+        row_settings: how rows are made, for a held or any other input.
         uncertainty: what they reserve.
-        told_as: the type of the environment's actions.
+        dtype: of the environment's actions.
+        words: the numbers of a `plants.CONSTANTS`.
+        program: see `plants.constants`.
+        solver: the program of a solver by name; None for the compiled one.
 
     Args:
         plant: of the environment.
         input_set: U.
-        settings: what the user asked.
-        batch: N of a batch; None for one plant, whose arrays have no leading N.
-        threads: how many cores filter parts of a batch at once.
+        settings: what the user requests.
+        count: N.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -69,8 +69,7 @@ class Configured:
         plant: Plant,
         input_set: InputSet,
         settings: FilterSettings,
-        batch: int | None = None,
-        threads: int = 1,
+        count: int,
     ):
         choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
         flag("allow_late_inputs", settings.allow_late_inputs)
@@ -88,12 +87,12 @@ class Configured:
                 "turns with its heading, which the compiled program follows"
             )
         self.plant, self.input_set, self.settings = plant, input_set, settings
+        self.count = count
         self._check_axle()
-        self._alone, self.count = batch is None, 1 if batch is None else batch
         self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
         self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
         self.alpha1_scale = self._fit_alpha1()
-        held = settings.rows == "held" and self._is_planar and plant.period is not None
+        held = settings.rows == "held" and self.is_planar and plant.period is not None
         self.row_settings = self._row_settings(held)
         if not held and plant.period is not None:
             check_hold(plant.period, alpha2=self.alpha2)
@@ -107,11 +106,10 @@ class Configured:
                 "instant and promise nothing between samples; expected Plant(period=…) [s]",
                 SafetyWarning,
             )
-        self.told_as = np.dtype(np.float64)
+        self.dtype = np.dtype(np.float64)
         on_alarm = plant.on_alarm if settings.on_alarm is None else settings.on_alarm
         self.brakes_on_alarm = choose("on_alarm", on_alarm, ON_ALARM)
         self._make_program(held)
-        self._bound = Bound(threads)
 
     @cached_property
     def reserve(self) -> Reserve:
@@ -130,7 +128,7 @@ class Configured:
     def clearance(self) -> float:
         """How far off strict edges guidance leads [m].
 
-        What rows reserve, and of a body what they ask for besides close to an edge, so that it is
+        What rows reserve, and of a body what they require besides close to an edge, so that it is
         led through no gap that they close. Half a cell less: a cell is open where a place in it is.
         """
         reserved = self.uncertainty.distance + self.uncertainty.body
@@ -145,12 +143,7 @@ class Configured:
         return reserved + besides - 0.5 * self.cell
 
     def _check_axle(self) -> None:
-        """Refuse a differential drive that brakes harder than U lets it.
-
-        Raises:
-            InvalidInputError: if it does. Where U is the environment's action space, which clips,
-                the whole rectangle of inputs has to lie in it at every heading.
-        """
+        """Refuse a differential drive that brakes harder than U lets it."""
         axle = self.plant.axle
         if axle is None:
             return
@@ -165,16 +158,12 @@ class Configured:
             )
 
     def _make_program(self, held: bool) -> None:
-        """Make the program, and write what compiled code never changes.
-
-        Args:
-            held: whether rows are made for a held input.
-        """
+        """Make the program, and write what compiled code never changes."""
         asked, input_set, plant = self.settings, self.input_set, self.plant
         options = {k: v for k, v in asked.options.items() if k not in ROW_OPTIONS}
-        self._solver: programs.Program | None = None
+        self.solver: programs.Program | None = None
         if asked.solver is not None or input_set.n_u != 2:
-            self._solver = programs.make(
+            self.solver = programs.make(
                 asked.program, input_set=input_set, solver=asked.solver, **options
             )
         compiled = plants.solved_outside(input_set.radius)
@@ -185,56 +174,56 @@ class Configured:
                 weights = np.insert(compiled.weights, 1, np.inf, axis=1)
                 compiled = compiled._replace(weights=weights)
         own = plant.uncertainty.distance if asked.margin is None else 0.0
-        leans = self.uncertainty.cap > 0.0
+        lags = self.uncertainty.cap > 0.0  # the robot is not its model
         numbers = self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
-        numbers |= {"brakes": self.brakes_on_alarm, "made": not self._is_planar}
+        numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
         numbers["observed"] = True
         numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
-        numbers["settles"] = self.uncertainty.per_velocity if leans else 0.0
-        numbers["sway"] = 0.5 * self.uncertainty.distance if leans else 0.0
+        numbers["settles"] = self.uncertainty.per_velocity if lags else 0.0
+        numbers["tracking"] = 0.5 * self.uncertainty.distance if lags else 0.0
         axle, period = plant.axle, plant.period or 0.0
         if axle is not None:
             numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
             settings = self._axle_settings(held)
             numbers["axle_rows"] = settings.packed
-            self._warn_of_clearance(axle_rows.at_a_glance(settings, axle.jerk(period)))
-        self._words, self._program = plants.constants(compiled, numbers)
-        if axle is not None:  # its U turns with the heading, and is written at every step
-            nothing = np.zeros((1, 4, 2))
-            self._program = plants.with_vertices(self._constants, self._program, nothing)
+            clearance = axle_rows.at_a_glance(settings, axle.jerk(period))
+            if clearance > FAR_OFF:
+                warn_caller(
+                    f"safety filter: at a period of {period:g} s a cart that turns at "
+                    f"{axle.turn:g} rad/s stays {clearance:.2g} m off walls besides its margin; "
+                    "expected a shorter period, or a lower turn or forward speed",
+                    CoverageWarning,
+                )
+            # its U turns with the heading, and is written at every step
+            compiled = compiled._replace(vertices=np.zeros((1, 4, 2)))
+        self.words, self.program = plants.constants(compiled, numbers)
 
     @property
-    def _constants(self) -> Records:
-        """(1,) `plants.CONSTANTS`, which look into `_words`."""
-        return self._words.view(plants.CONSTANTS)
+    def constants(self) -> Records:
+        """(1,) `plants.CONSTANTS`, which look into `words`."""
+        return self.words.view(plants.CONSTANTS)
 
     def applied_as(self, dtype: DTypeLike) -> None:
         """Note the type of the environment's actions; strict rows reserve what rounding takes."""
-        self.told_as = np.dtype(dtype)
-        rounds = self.told_as == np.float32
+        self.dtype = np.dtype(dtype)
+        rounds = self.dtype == np.float32
         rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
-        self._constants["rounding"] = rounding if rounds else 0.0
+        self.constants["rounding"] = rounding if rounds else 0.0
 
-    def leave_monitor(self) -> None:
-        """Compare nothing: whoever carries the states on compares what it measured itself."""
-        self._constants["observed"] = False
-
-    def set_inputs(self, vertices: Array) -> None:
-        """Give each plant a U of its own from now on, within the ball that the first U lies in.
-
-        Args:
-            vertices: (N, V, 2) its corners, counter-clockwise, around 0.
-        """
-        corners = finite_array("vertices", vertices, (self.count, None, 2))
-        self._program = plants.with_vertices(self._constants, self._program, corners)
+    @cached_property
+    def gain(self) -> float:
+        """The greatest acceleration of the planar velocity by an input [m/s²]."""
+        if self.plant.axle is not None:
+            return self.plant.axle.braking
+        model, at = self.plant.model, self.plant.model.velocity_at
+        if self.is_planar or at is None:
+            return self.input_set.radius
+        gain = np.linalg.norm(model.g(np.zeros(model.n))[at : at + 2], 2)
+        return float(gain) * self.input_set.radius
 
     def _fit_alpha1(self) -> float:
-        """Scale α₁ down to what the robot can brake, and return the factor, which reports repeat.
-
-        Raises:
-            InvalidInputError: if U cannot brake in some direction at all.
-        """
+        """Scale α₁ down to what the robot can brake, and return the factor for reports."""
         if not isinstance(self.plant.model, DoubleIntegrator):
             return 1.0
         able = braking.weakest(self.input_set)
@@ -256,17 +245,6 @@ class Configured:
             factor *= stretch
         return factor
 
-    def _warn_of_clearance(self, clearance: float) -> None:
-        """Warn where a differential drive is sampled so slowly that it stays far off walls."""
-        axle, period = self.plant.axle, self.plant.period
-        if axle is not None and clearance > FAR_OFF:
-            warn_caller(
-                f"safety filter: at a period of {period:g} s a cart that turns at {axle.turn:g} "
-                f"rad/s stays {clearance:.2g} m off walls besides its margin; expected a shorter "
-                "period, or a lower turn or forward speed",
-                CoverageWarning,
-            )
-
     def _axle_settings(self, held: bool) -> RowSettings:
         """Return how rows on a differential drive's axle are made."""
         assert self.plant.axle is not None
@@ -274,14 +252,14 @@ class Configured:
         return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest)
 
     @cached_property
-    def _is_planar(self) -> bool:
+    def is_planar(self) -> bool:
         """Whether the model is the planar double integrator, whose rows are compiled and held."""
         return self.plant.model == DoubleIntegrator()
 
     def _row_settings(self, held: bool) -> RowSettings:
         """Return how rows are made, for a held input or for one instant."""
         period = self.plant.period if held else None
-        if not self._is_planar:
+        if not self.is_planar:
             return RowSettings(self.alpha1, self.alpha2)
         if self.plant.axle is not None:
             return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest_of_point)

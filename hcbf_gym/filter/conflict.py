@@ -6,7 +6,6 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
-from hcbf_gym.filter.bound import DONE
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.programs.conflicts import ConflictReport, conflict_among
 
@@ -54,9 +53,8 @@ def conflict_of(
     Returns:
         the report, whose `rows` are indices of the conditions.
     """
-    if asked.check() != DONE:
-        return None  # the last step refused its scene or its input
-    asked.pose(i)
+    if asked.check() != 0 or not asked.pose(i):
+        return None  # the last step refused its scene, its input or its state
     _, a, b, h, _, _ = asked.problem()
     priority, whose = asked.conditions(i)
     there = np.flatnonzero(priority > 0)  # a batch fills up shorter scenes

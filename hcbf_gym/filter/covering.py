@@ -8,8 +8,8 @@ from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filter.certified import Earned
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
-BY_ITSELF = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
-"""Why, of a `Coverage` that says no more."""
+PLAIN = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
+"""Why, of a `Coverage` alone."""
 
 
 class Covering:
@@ -18,49 +18,49 @@ class Covering:
     Args:
         plant: what each of them is.
         count: N.
+
+    Attributes:
+        is_new: whether something changed since it was written last.
     """
 
     def __init__(self, plant: Plant, count: int):
         self._shown = isinstance(plant.covered, Earned)
+        self.is_new = True
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._why: Integers = np.zeros(count, dtype=np.int64)
 
-    def begin(self, said: object, fresh: Mask) -> None:
+    def begin(self, covered: object, fresh: Mask) -> None:
         """Note whether the promise was tested for the episodes that begin.
 
         In a development version none is covered, whatever the plant states.
 
         Args:
-            said: a `Judged`, or a `Coverage` or (N,) of them by itself.
+            covered: a `Judged`, a `Coverage`, or (N,) of them.
             fresh: (N,) which begin.
-
-        Raises:
-            InvalidInputError: if it is none.
         """
-        for kept, news in zip((self._coverage, self._why), self._said(said), strict=True):
-            kept[fresh] = news[fresh]
+        for kept, now in zip((self._coverage, self._why), self._judged(covered), strict=True):
+            kept[fresh] = now[fresh]
+        self.is_new = True
 
-    def follow(self, said: object) -> None:
+    def follow(self, covered: object) -> None:
         """Note where a promise that was tested when the episode began is no longer.
 
         Args:
-            said: as `begin` takes it, at a later step.
-
-        Raises:
-            InvalidInputError: as `begin` does.
+            covered: as `begin` takes it, at a later step.
         """
-        coverage, why = self._said(said)
+        coverage, why = self._judged(covered)
         ends = (self._coverage == Coverage.COVERED) & (coverage != Coverage.COVERED)
         self._coverage[ends], self._why[ends] = coverage[ends], why[ends]
+        self.is_new = True
 
-    def _said(self, said: object) -> tuple[Integers, Integers]:
+    def _judged(self, covered: object) -> tuple[Integers, Integers]:
         """Return (N,) a `Coverage` and a `CoveredBy` of each plant."""
         shape = self._coverage.shape
-        given = as_array("covered", said.covered if isinstance(said, Judged) else said)
+        given = as_array("covered", covered.covered if isinstance(covered, Judged) else covered)
         known = given.dtype.kind in "iu" and np.isin(given, list(Coverage)).all()
         if not known or given.shape not in ((), shape):
-            raise InvalidInputError(f"covered: got {said!r}, expected one of {list(Coverage)}")
-        why = said.covered_by if isinstance(said, Judged) else BY_ITSELF[given]
+            raise InvalidInputError(f"covered: got {covered!r}, expected one of {list(Coverage)}")
+        why = covered.covered_by if isinstance(covered, Judged) else PLAIN[given]
         unreleased = of_another_version()
         if unreleased and (given != Coverage.OUTSIDE).any():
             warn_of_version(unreleased)
@@ -82,13 +82,16 @@ class Covering:
         doubted = (scenes == Coverage.OUTSIDE) & ~shown & (known != Coverage.OUTSIDE)
         self._coverage[fresh] = np.where(doubted, scenes, known)
         self._why[fresh] = np.where(doubted, CoveredBy.INPUTS, self._why[fresh])
+        self.is_new = True
 
-    def change(self, news: Mask) -> None:
+    def change(self, changed: Mask) -> None:
         """Note where scenes changed in an episode: it was covered with the one it began in."""
-        changed = news & (self._coverage == Coverage.COVERED)
+        changed = changed & (self._coverage == Coverage.COVERED)
         self._coverage[changed] = Coverage.SCENE
         self._why[changed] = CoveredBy.CHANGED
+        self.is_new = True
 
-    def tell(self, plants: Records) -> None:
+    def write(self, plants: Records) -> None:
         """Write what is covered and why into (N,) reports."""
+        self.is_new = False
         plants["covered"], plants["covered_by"] = self._coverage, self._why

@@ -1,16 +1,16 @@
 r"""Whether a region is nearer than its declared velocity explains, by more than its margin.
 
-Where barriers are others than before, both are evaluated at the present state: with ĥ of a region
-as it was returned before, propagated with its velocity, and h as it is returned now, the step's
-undeclared approach is d = ĥ − h. What the robot did is in neither. The approach is counted as
+Where barriers change, both are evaluated at the present state: with ĥ of a region as it was before,
+propagated with its velocity, and h as it is now, the undeclared approach is d = ĥ − h. The robot's
+motion is in neither. The approach is counted as
 
 .. math::
     g ← \min(\max(g + d − r T, 0), 2\, l), \qquad r = 0.02 + 0.1 ‖w‖, \qquad l = 2 n,
 
 d averaged over `SMOOTHS`, n the declared error of a position. Errors of at most n change the sum of
-all d by 2 n at most, so that a region at rest stays below l; so do normal errors of n/3. The step
-has the reason MOVES where g > l. r forgives what a velocity may be wrong by. g ends at 2 l, so that
-the reason ends within seconds after the region has come to rest.
+all d by 2 n at most, so that a region at rest stays below l; so do normal errors of n/3. The reason
+is MOVES where g > l. r forgives errors of a velocity. g ends at 2 l, so that the reason ends within
+seconds after the region has come to rest.
 """
 
 import math
@@ -56,7 +56,12 @@ class Nearness:
         self._due[mask] = self._counted[mask] = 0.0
 
     def compare(
-        self, before: BarrierSet, now: BarrierSet, at: tuple[Array, Array], news: Mask, known: Mask
+        self,
+        before: BarrierSet,
+        now: BarrierSet,
+        at: tuple[Array, Array],
+        changed: Mask,
+        known: Mask,
     ) -> None:
         """Note which regions came nearer when barriers became others.
 
@@ -64,7 +69,7 @@ class Nearness:
             before: the scenes until now, as of time 0.
             now: the scenes from now on, as of time 0.
             at: (N, n) states, the position first, and (N,) times [s].
-            news: (N,) of which plants the barriers are others.
+            changed: (N,) of which plants the barriers are others.
             known: (N,) of which plants the state is known.
         """
         x, t = at
@@ -74,12 +79,12 @@ class Nearness:
             self._due, self._counted = np.zeros((2, *now.kind.shape))
             return
         earlier, present = _heights(before, x, t), _heights(now, x, t)
-        source = _sources(before, now, earlier, t, news)
+        source = _sources(before, now, earlier, t, changed)
         _write_own(before, now, source, (x, t), (earlier, present))
         none = np.zeros((len(x), 1))
         with np.errstate(invalid="ignore"):
             nearer = np.take_along_axis(np.hstack([earlier, none]), source, axis=1) - present
-        is_known = (known & news)[:, None] & (source >= 0) & np.isfinite(nearer)
+        is_known = (known & changed)[:, None] & (source >= 0) & np.isfinite(nearer)
         self._due = np.take_along_axis(np.hstack([self._due, none]), source, axis=1)
         self._counted = np.take_along_axis(np.hstack([self._counted, none]), source, axis=1)
         self._due[is_known] += nearer[is_known]
@@ -112,7 +117,9 @@ def _heights(scenes: BarrierSet, x: Array, t: Array) -> Array:
     return h
 
 
-def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news: Mask) -> Integers:
+def _sources(
+    before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, changed: Mask
+) -> Integers:
     """Return (N, m) which condition before was which now, −1 for none.
 
     It is the one of the same name, where both lists have that name once; else, of all regions of
@@ -121,9 +128,9 @@ def _sources(before: BarrierSet, now: BarrierSet, earlier: Array, t: Array, news
     (count, m), k = now.kind.shape, before.kind.shape[1]
     found = np.full((count, m), -1)
     found[:, : min(m, k)] = np.arange(min(m, k))  # of those that stay
-    for i in np.flatnonzero(news).tolist():
+    for i in np.flatnonzero(changed).tolist():
         lists = before.listed, now.listed
-        shared = i and news[i - 1] and all(listed[i] is listed[i - 1] for listed in lists)
+        shared = i and changed[i - 1] and all(listed[i] is listed[i - 1] for listed in lists)
         found[i] = found[i - 1] if shared else _named(before.listed[i], now.listed[i], m)
     if (found < 0).any():
         if m == k:  # what stayed as it was

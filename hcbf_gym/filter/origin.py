@@ -66,7 +66,7 @@ class Origin:
     def _point(self, given: Any) -> Any:
         try:
             return None if given is None else np.asarray(given, dtype=np.float64) - self.at
-        except Exception:  # guidance says what is wrong with it
+        except Exception:  # guidance refuses it
             return given
 
     def barriers(self, listed: Any) -> Any:
@@ -74,9 +74,6 @@ class Origin:
 
         Args:
             listed: a list of barriers, or N such lists; anything else stays as it is.
-
-        Raises:
-            InvalidInputError: if they cannot be moved.
         """
         if not self.is_far:
             return listed

@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Records, record_type
+from hcbf_gym.arrays import Array, record_type
 from hcbf_gym.programs.planar import Settings
 
-COMPARED, NEWS = 1, 2
+COMPARED, CHANGED = 1, 2
 """What came in unforeseen: barriers that are compared with those before; whatever it is, others, or
 a state after none."""
 
@@ -39,10 +39,10 @@ def constants(settings: Settings, others: dict[str, object]) -> tuple[Array, Arr
     record = np.zeros(1, dtype=CONSTANTS)
     own = settings._asdict()
     vertices, weights = own.pop("vertices"), own.pop("weights")
-    sizes = {"corners": vertices.shape[1], "input_sets": 1, "weights": weights.shape[1]}
+    sizes = {"corners": vertices.shape[1], "weights": weights.shape[1]}
     for name, number in (own | sizes | others).items():
         record[name] = number
-    return record.view(np.float64), _numbers(vertices, weights)
+    return record.view(np.float64), np.concatenate([vertices.ravel(), weights.ravel()])
 
 
 def solved_outside(radius: float) -> Settings:
@@ -53,15 +53,3 @@ def solved_outside(radius: float) -> Settings:
     """
     nothing = np.zeros((1, 1, 2)), np.zeros((1, 1))
     return Settings(0, False, 0, True, False, radius, 0.0, False, *nothing)
-
-
-def with_vertices(constants: Records, program: Array, vertices: Array) -> Array:
-    """Return a program for the U of each plant, (N, V, 2) corners; the constants are written to."""
-    weights = program[2 * int(constants["corners"][0] * constants["input_sets"][0]) :]
-    constants["input_sets"], constants["corners"] = vertices.shape[:2]
-    return _numbers(vertices, weights)
-
-
-def _numbers(vertices: Array, weights: Array) -> Array:
-    """Return the corners of U with the program's weights behind them."""
-    return np.concatenate([vertices.ravel(), weights.ravel()])

@@ -1,6 +1,6 @@
 """The layout of ``info["safety_filter"]``; its fields are those of `report.hpp`.
 
-The keys are the same whoever answered. A field that a filter does not write is 0.
+The keys are the same for every filter. A field that a filter does not write is 0.
 """
 
 from functools import cache
@@ -17,10 +17,10 @@ def plant_dtype(n_u: int) -> np.dtype[np.void]:
 
 
 PLANT = plant_dtype(2)
-"""What is said of a plant of two inputs."""
+"""What is reported of a plant of two inputs."""
 
 ROW = record_type("report.Row")
-"""What is said of each row (m,), in the order of the barriers."""
+"""What is reported of each row (m,), in the order of the barriers."""
 
 _ROWS = ROW.names or ()
 _PLANTS = PLANT.names or ()
@@ -31,7 +31,7 @@ ROW_WORDS = ROW.itemsize // _WORD
 
 
 class ReportBuffer:
-    """Where compiled code writes what is said of the plants that it filters.
+    """Where compiled code writes the reports of plants.
 
     Args:
         count: N of a batch; None for one plant, whose report has no leading N.
@@ -53,20 +53,20 @@ class ReportBuffer:
 
     def widen(self, m: int, total: int) -> None:
         """Make room for `total` rows, of which m are reported."""
-        told = self.plants
+        before = self.plants
         words = total * self._count * ROW_WORDS
         self._m, self._total = m, total
         self._divide(np.zeros(self._count * self._dtype.itemsize // _WORD + words))
-        self.plants[...] = told
+        self.plants[...] = before
         if self._alone:
             self._places = _places(self._dtype, m)
             self._reported, self._scalars = b"", {}
 
     def renew(self) -> None:
-        """Take memory of its own for the next report."""
-        told, _ = self.words
+        """Take new memory for the next report."""
+        before, _ = self.words
         self._divide(np.empty_like(self._numbers))
-        self.words[0][...] = told  # every step writes all rows
+        self.words[0][...] = before  # every step writes all rows
 
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""

@@ -1,24 +1,45 @@
-"""What is handed to the filter of N plants, as one record a plant.
+"""The samples of N plants, one record a plant.
 
-Whatever is misshaped, too old or no number on the way from the plant is a fault of that plant, and
-the core (`state_check.hpp`) does not accept it.
+What is misshaped, too old or not a number is a fault of that plant, and the core
+(`state_check.hpp`) does not accept it.
 """
 
 from types import EllipsisType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import arrays
 from hcbf_gym.arrays import Array, Mask, Records
+from hcbf_gym.errors import holds_numbers
 from hcbf_gym.filter.origin import Origin
 from hcbf_gym.filter.plants import plant_dtype
-from hcbf_gym.filter.state_check import KNOWN_FAULTS, State, numbers_of
 from hcbf_gym.models import clocks
 from hcbf_gym.models.constants import LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
 _FLOAT = np.dtype(np.float64)
+KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))
+"""What an `Estimate.fault` may be."""
+
+
+class State(NamedTuple):
+    """What is given of N plants, and the states that were accepted last.
+
+    Attributes:
+        x: (N, n) as the rows read it.
+        model: (N, n) the reduced-order model's own.
+        lag: (N, n) the body's minus the model's.
+        covariance: (N, n, n) of x.
+        accepted: (N, n) the last that was accepted.
+    """
+
+    x: Array
+    model: Array
+    lag: Array
+    covariance: Array
+    accepted: Array
 
 
 class Samples:
@@ -36,9 +57,11 @@ class Samples:
         states: of them.
         input: (N, n_u) that was applied last.
         time: (N,) of the states [s].
-        told: whether a sample said more than x.
-        says: what is wrong with a stamp, for plants of the reason AGE.
+        has_parts: whether a sample held more than x.
+        wrong_age: what is wrong with a stamp, for plants of the reason AGE.
         origin: from where positions count.
+        is_rebased: whether that is elsewhere since this sample.
+        fresh: (N,) which plants begin an episode.
     """
 
     def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
@@ -47,8 +70,9 @@ class Samples:
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._drives = plant.axle is not None
         # whether there is anything to take back
-        self._faulty, self.told, self._varies = False, False, False
-        self.says = ""
+        self._faulty, self.has_parts, self._varies = False, False, False
+        self.wrong_age, self.is_rebased = "", False
+        self.fresh: Mask = np.ones(count, dtype=np.bool_)
         n = plant.model.n
         shapes = (n,), (n,), (n,), (n, n), (n,)
         own = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
@@ -79,6 +103,7 @@ class Samples:
 
     def forget(self, mask: Mask) -> None:
         """Know nothing of the masked plants (N,)."""
+        self.fresh |= mask
         if mask.all():
             self.origin.forget()
         self.plants[mask] = 0
@@ -98,12 +123,10 @@ class Samples:
             place[:] = array
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; it names the parts of its own records."""
-        kept = (
-            *("origin", "plants", "_own", "_max_age", "_period", "_drives"),
-            *("_faulty", "told", "_varies", "says"),
-        )
-        return {name: value for name, value in vars(self).items() if name in kept}
+        """Return what a copy needs; it names the parts of its records."""
+        views = "words", "states", "input", "time", "_fault", "_has_model", "_states", "_parts"
+        views += "_times", "_headings"
+        return {name: value for name, value in vars(self).items() if name not in views}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         vars(self).update(state)
@@ -123,13 +146,13 @@ class Samples:
         if estimate.time is None:
             self.time[:] = now
         elif not self._note(self._times, estimate.time):
-            self.time[:] = -np.inf  # what is no time does not go on
+            self.time[:] = -np.inf  # before any other
         if estimate.elapsed is not None or self._varies:
             self._varies = estimate.elapsed is not None
             sound &= self._take_elapsed(estimate.elapsed)
-        told = not (estimate.covariance is estimate.model is estimate.lag is None)
-        if told or self.told:
-            self.told = told
+        has_parts = not (estimate.covariance is estimate.model is estimate.lag is None)
+        if has_parts or self.has_parts:
+            self.has_parts = has_parts
             sound &= self._take_parts(estimate)
         if self._drives:
             sound &= self._note(self._headings, estimate.heading)
@@ -137,25 +160,17 @@ class Samples:
             self.blame(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
-        if self.origin.is_far or not self.origin.is_decided:
-            self._count_from_origin(noted, estimate.model is not None)
-
-    def _count_from_origin(self, noted: bool, has_model: bool) -> None:
-        """Let positions count from the origin, which the first that is good decides.
-
-        Args:
-            noted: whether states were noted.
-            has_model: whether the models have states of their own.
-        """
         origin = self.origin
+        was_far = origin.is_far
         if noted and not origin.is_decided:
             good = (self._fault == 0) | (self._fault >= FIRST_ALARM)
             origin.decide(self.x[good])
         if origin.is_far:
             if noted:
                 origin.shift(self.x)
-            if has_model:
+            if estimate.model is not None:
                 origin.shift(self.states.model)
+        self.is_rebased = origin.is_far != was_far
 
     def _take_elapsed(self, elapsed: object) -> bool:
         """Note how long ago the samples before were [s]; return whether that is made of numbers."""
@@ -168,27 +183,23 @@ class Samples:
             return False
         is_time = (numbers > 0.0) & (numbers <= LONGEST)
         since[is_time] = numbers[is_time]
-        self.blame_where(~is_time)
+        if not is_time.all():
+            self.blame(Reason.STATE, ~is_time)
         return True
 
     def blame(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
-        """Note why the masked plants are not believed."""
+        """Note why the masked plants are not accepted."""
         self._fault[mask] = reason
         self._faulty = True
 
-    def blame_where(self, bad: Mask) -> None:
-        """Note that the states of masked plants are none; an alarm does not hide it."""
-        if bad.any():
-            self.blame(Reason.STATE, bad)
-
-    def doubt(self, reason: Reason, says: str = "") -> None:
-        """Note why plants are not believed that would be: an alarm does not hide it."""
-        self.says = says or self.says
+    def doubt(self, reason: Reason, wrong_age: str = "") -> None:
+        """Note why plants are not accepted that would be: an alarm does not hide it."""
+        self.wrong_age = wrong_age or self.wrong_age
         fault = self.plants["fault"]
         self.blame(reason, (fault == 0) | (fault >= FIRST_ALARM))
 
     def _take_parts(self, estimate: Estimate) -> bool:
-        """Note what stands beside the states, and return whether it is made of numbers."""
+        """Note model, lag and covariance, and return whether they are made of numbers."""
         self._has_model[:] = estimate.model is not None
         sound = True
         given = estimate.model, estimate.lag, estimate.covariance
@@ -201,15 +212,7 @@ class Samples:
         return sound
 
     def _note(self, place: Array, value: object) -> bool:
-        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs.
-
-        Args:
-            place: of N plants; of one without a leading 1.
-            value: whatever was handed in.
-
-        Returns:
-            whether it is made of numbers; which of them are finite is looked at plant by plant.
-        """
+        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs."""
         if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == place.shape:
             place[...] = value
             return True
@@ -239,11 +242,36 @@ class Samples:
         wrong = ~clocks.is_accepted(ages, self._max_age)
         self.blame(Reason.AGE, wrong)
         known = ages[wrong & np.isfinite(ages)]
-        self.says = ""
+        self.wrong_age = ""
         if known.size:
-            self.says = f"the state: {clocks.refusal(float(known[0]), self._max_age)}"
+            self.wrong_age = f"the state: {clocks.refusal(float(known[0]), self._max_age)}"
 
 
 def _bare(numbers: Array) -> Array:
     """Return numbers of N plants (N, …), without the N where there is one plant: a view."""
     return numbers.squeeze(axis=0) if len(numbers) == 1 else numbers
+
+
+def real_numbers(value: object, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
+    numbers = numbers_of(value, shape)
+    return None if numbers is None or not np.isfinite(numbers).all() else numbers
+
+
+def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array if it is a real one of that shape; else None.
+
+    Half precision holds no state, and a masked entry is not a number. Some may be infinite or NaN.
+    """
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
+        return value.copy()
+    try:
+        if np.ma.is_masked(value):
+            return None
+        array = np.asarray(value)
+    except Exception:  # a foreign object may raise anything
+        return None
+    if not holds_numbers(array.dtype) or array.shape != shape:
+        return None
+    with np.errstate(all="ignore"):
+        return array.astype(np.float64)

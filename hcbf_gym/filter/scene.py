@@ -1,8 +1,7 @@
-"""The barriers of N plants as a filter takes them: a sequence of elements, or N sequences.
+"""The barriers of N plants as a filter reads them at every step: a sequence, or N sequences.
 
-They are read at every step, whether they come from a user's reader or were set once. As long as
-they hold the same objects, and elements of several barriers the same conditions, the set that was
-made of them stays: objects are compared, never their values.
+As long as they hold the same objects, and elements of several barriers the same conditions, the set
+that was made of them stays: objects are compared, never their values.
 """
 
 import operator
@@ -26,7 +25,7 @@ class SceneReader:
     def __init__(self, count: int):
         self._count = count
         self._scenes: Scenes = ()
-        self._fixed: object = None  # what was read last, if nobody can change it
+        self._fixed: object = None  # what was read last, if it is immutable
         self._several: Read = []
         self._set = BarrierSet([()] * count)
 
@@ -36,15 +35,13 @@ class SceneReader:
         Args:
             barriers: a sequence of elements for all plants; N sequences, of any lengths; or the set
                 of an environment, see `BarrierSet`.
-
-        Raises:
-            InvalidInputError: if they are none of these, or an element is no barrier.
         """
         if isinstance(barriers, BarrierSet):
-            return self._of_environment(barriers)
+            self._check(barriers)
+            return barriers
         if barriers is None or not (barriers is self._fixed or self._is_last(barriers)):
             scenes = self._sequences(barriers)
-            if not self._are_same(scenes):
+            if len(scenes) != len(self._scenes) or not all(map(_same, scenes, self._scenes)):
                 self._read(scenes, barriers)
         if not all(_same(one.conditions, conditions) for one, conditions in self._several):
             self._read(self._scenes, barriers)
@@ -56,11 +53,7 @@ class SceneReader:
         return type(barriers) is list and len(scenes) == 1 and _same(barriers, scenes[0])
 
     def _sequences(self, barriers: Any) -> Scenes:
-        """Return one scene for all plants, or N, as tuples of elements.
-
-        Raises:
-            InvalidInputError: if they are neither.
-        """
+        """Return one scene for all plants, or N, as tuples of elements."""
         if not is_list(barriers):
             raise InvalidInputError(
                 f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
@@ -74,12 +67,8 @@ class SceneReader:
             )
         return tuple(map(tuple, barriers))
 
-    def _of_environment(self, scenes: BarrierSet) -> BarrierSet:
-        """Return the set of an environment that sets its scenes there.
-
-        Raises:
-            InvalidInputError: if it is another's, or of another number of plants.
-        """
+    def _check(self, scenes: BarrierSet) -> None:
+        """Refuse a set that is not an environment's, or of another number of plants."""
         if not scenes.is_placed:
             raise InvalidInputError(
                 "barriers: got a BarrierSet, expected the sequence of barriers of which it was made"
@@ -88,11 +77,6 @@ class SceneReader:
             raise InvalidInputError(
                 f"barriers: got a set of {len(scenes.kind)} scenes, expected {self._count}"
             )
-        return scenes
-
-    def _are_same(self, scenes: Scenes) -> bool:
-        """Return whether scenes hold the objects that were read last."""
-        return len(scenes) == len(self._scenes) and all(map(_same, scenes, self._scenes))
 
     def _read(self, scenes: Scenes, barriers: Any) -> None:
         """Make a set of scenes."""

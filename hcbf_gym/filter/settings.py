@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym import programs, records
-from hcbf_gym.barriers import class_k
+from hcbf_gym import programs
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
@@ -47,15 +46,6 @@ class FilterSettings(NamedTuple):
     options: Mapping[str, Any]
 
 
-def plain_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options in JSON's terms, class-K functions as dicts, for a wrapper's spec."""
-    kinds = class_k.KINDS
-    return {
-        key: records.to_dict(value, kinds) if type(value) in kinds.values() else value
-        for key, value in options.items()
-    }
-
-
 def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least and the greatest entries of the inputs of a planar U."""
     corners = input_set.vertices()
@@ -64,11 +54,7 @@ def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float,
 
 
 def check_hold(period: float, **alphas: ClassK) -> None:
-    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1.
-
-    Raises:
-        InvalidInputError: if one does.
-    """
+    """Refuse class-K functions whose rows pass ψ = 0 within one period: α'(0) T > 1."""
     for name, alpha in alphas.items():
         steep = alpha.derivative(0.0)
         if steep * period > 1.0:
@@ -96,21 +82,18 @@ def dip_of(plant: Plant, input_set: InputSet) -> float:
     for x in samples(model)[0]:
         for u in input_set.vertices()[:MOST_CORNERS]:
             middle = model.step(x, u, half)
-            bent = model.step(middle, u, half)[placed] - 2.0 * middle[placed] + x[placed]
-            hardest = max(hardest, float(np.linalg.norm(bent)))
-    return max(USUAL_ROWS_MARGIN, 2.0 * hardest)  # bent = a_p (T/2)²
+            turned = model.step(middle, u, half)[placed] - 2.0 * middle[placed] + x[placed]
+            hardest = max(hardest, float(np.linalg.norm(turned)))
+    return max(USUAL_ROWS_MARGIN, 2.0 * hardest)  # turned = a_p (T/2)²
 
 
 def kept(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
-    """Return what the rows reserve: what the plant's uncertainty asks, or a margin given by hand.
+    """Return what the rows reserve: for the plant's uncertainty, or a margin given by hand.
 
     Args:
         plant: whose body and whose speed limit count in any case.
         margin: what rows on the position reserve [m]; None derives it.
         dip: what rows that are not made for a held input reserve besides [m].
-
-    Raises:
-        InvalidInputError: if the margin is negative or not finite.
     """
     known = plant.uncertainty
     if margin is not None:

@@ -8,23 +8,27 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
-from hcbf_gym.filter.bound import DONE
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
+
+ASKS = 3
+"""What a step returns where a warning is due, see `bound.DONE`."""
 
 
 def answer(program: Program, posed: Any, count: int) -> int:
-    """Filter N plants by a program's answers, and return what is to be done, as `bound` has it.
+    """Filter N plants by a program's answers, and return what `_core.Filter.filter` does.
 
     Args:
         program: with its solver.
         posed: the `_core.Filter` that poses the problems, one plant after the other.
         count: N.
     """
-    said = posed.check()
-    if said != DONE:
-        return said
+    found = posed.check()
+    if found:
+        return found
     for i in range(count):
-        posed.pose(i)
+        if not posed.pose(i):
+            found = max(found, ASKS)
+            continue
         u, a, b, h, alpha2_psi, priority = posed.problem()
         result = solve(program, u, CbfRows(a, b, h, priority, alpha2_psi))
         status, fallbacks = FilterStatus.BACKUP, 0
@@ -32,8 +36,8 @@ def answer(program: Program, posed: Any, count: int) -> int:
             for place, value in zip(posed.answer(), result, strict=False):
                 place[:] = value
             status, fallbacks = result.status, result.fallbacks
-        said = max(said, posed.close(i, result is not None, int(status), int(fallbacks)))
-    return said
+        found = max(found, posed.close(i, result is not None, int(status), int(fallbacks)))
+    return found
 
 
 def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
@@ -59,9 +63,9 @@ def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | N
 
 
 def without_gaps(rows: CbfRows) -> CbfRows:
-    """Return rows whose ranks are 1, 2, …: what is not in sight leaves gaps in a list of barriers.
+    """Return rows whose ranks are 1, 2, …: barriers that are not in sight leave gaps.
 
-    Where nothing strict is in sight, a last row of rank 1 asks for nothing.
+    Where nothing strict is in sight, a last row of rank 1 requires nothing.
     """
     if _core.has_no_gap(rows.priority):
         return rows

@@ -5,8 +5,12 @@ from typing import Any
 
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorEnv
 
+from hcbf_gym import programs, records
+from hcbf_gym.barriers import class_k
 from hcbf_gym.errors import InvalidInputError, instance
+from hcbf_gym.filter.settings import FilterSettings
 
 
 def record(wrapper: RecordConstructorArgs, env: object, kind: type, **arguments: Any) -> None:
@@ -31,17 +35,38 @@ def record(wrapper: RecordConstructorArgs, env: object, kind: type, **arguments:
         ) from error
 
 
-class SpecWithPlant(EnvSpec):
-    """The spec of an environment whose filter was given a plant: it makes it again in this process.
+def record_filter(
+    wrapper: RecordConstructorArgs,
+    env: object,
+    kind: type,
+    plant: object,
+    settings: FilterSettings,
+    certificate: object,
+    **others: Any,
+) -> None:
+    """Record a filter's arguments in JSON's terms; class-K functions as dicts."""
+    asked = settings._asdict()
+    kinds, options = class_k.KINDS, asked.pop("options")
+    asked["program"] = programs.plain(settings.program)
+    if kind is VectorEnv:  # which takes no solver
+        del asked["solver"]
+    asked |= {
+        key: records.to_dict(value, kinds) if type(value) in kinds.values() else value
+        for key, value in options.items()
+    }
+    record(
+        wrapper, env, kind, plant=plant, certificate=records.plain(certificate), **asked, **others
+    )
 
-    `SafetyFilter(env, plant=plant)` cannot be written as JSON, as readers are functions.
-    """
+
+class SpecWithPlant(EnvSpec):
+    """The spec of a filter that was given a plant, whose readers JSON cannot hold."""
 
     def to_json(self) -> str:
         """Refuse.
 
         Raises:
-            InvalidInputError: always; the message says how the spec becomes plain.
+            InvalidInputError: always.
         """
         raise InvalidInputError(
             "spec: got SafetyFilter(env, plant=…), whose readers are functions, expected an "

@@ -6,18 +6,15 @@ import inspect
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 from gymnasium.wrappers.vector import DictInfoToList
 
-from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, floats, instance
+from hcbf_gym.errors import InvalidInputError, instance
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 
-_FLOATS = np.dtype(np.float64), np.dtype(np.float32)
 TRANSFORM = (
     gym.ObservationWrapper,
     gym.vector.VectorObservationWrapper,
@@ -26,18 +23,6 @@ TRANSFORM = (
 """Wrappers that make other observations, also where the space is the same."""
 OBSERVATION, INFO = 1, 2
 """Places of a reader's arguments."""
-JOINED = "; around single environments put a SafetyFilter on each before they are joined"
-
-
-def real_input(action: object, shape: tuple[int, ...]) -> Array:
-    """Return a copy of u* as float64; the cores refuse what is not finite.
-
-    Raises:
-        InvalidInputError: if it is not an array of 32 or 64 bits of that shape.
-    """
-    if type(action) is np.ndarray and action.dtype in _FLOATS and action.shape == shape:
-        return action.astype(_FLOATS[0])
-    return floats("action", action, shape).astype(np.float64)
 
 
 def plant_of(env: object) -> Plant:
@@ -47,14 +32,15 @@ def plant_of(env: object) -> Plant:
         InvalidInputError: if it brings none.
     """
     plant = getattr(env, "plant", None)
-    if not isinstance(plant, Plant):
-        raise InvalidInputError(
-            f"environment: got {env}, which brings no plant; expected one of this package's, or "
-            "plant=hcbf_gym.Plant(model, barriers, state, …), which says what the filter must know"
-            + JOINED
-            * isinstance(env, VectorEnv)
-        )
-    return plant
+    if isinstance(plant, Plant):
+        return plant
+    joined = "; around single environments put a SafetyFilter on each before they are joined"
+    raise InvalidInputError(
+        f"environment: got {env}, which brings no plant; expected one of this package's, or "
+        "plant=hcbf_gym.Plant(model, barriers, state, …), what the filter must know"
+        + joined
+        * isinstance(env, VectorEnv)
+    )
 
 
 def check_order(env: Any) -> None:
@@ -64,21 +50,17 @@ def check_order(env: Any) -> None:
         InvalidInputError: if there is one, or infos of another form.
     """
     while env is not env.unwrapped:
+        name, wrong = type(env).__name__, ""
         if isinstance(env, DictInfoToList):
+            wrong = "whose infos are no dict", "DictInfoToList(VectorSafetyFilter(env))"
+        elif isinstance(env, gym.wrappers.Autoreset):
+            wrong = "so that episodes would begin unfiltered", "Autoreset(SafetyFilter(env))"
+        elif isinstance(env, HoldAction | VectorHoldAction):
+            seldom = f"so that the filter would look once in {env.steps} steps"
+            wrong = seldom, f"{name}(filtered, {env.steps})"
+        if wrong:
             raise InvalidInputError(
-                "safety filter: got a DictInfoToList inside, whose infos are no dict; expected it "
-                "outside: DictInfoToList(VectorSafetyFilter(env))"
-            )
-        if isinstance(env, gym.wrappers.Autoreset):
-            raise InvalidInputError(
-                "safety filter: got an Autoreset inside, so that episodes would begin without the "
-                "filter; expected it outside: Autoreset(SafetyFilter(env))"
-            )
-        if isinstance(env, HoldAction | VectorHoldAction):
-            name = type(env).__name__
-            raise InvalidInputError(
-                f"safety filter: got a {name} inside, so that the filter would look once in "
-                f"{env.steps} steps; expected it outside: {name}(filtered, {env.steps})"
+                f"safety filter: got a {name} inside, {wrong[0]}; expected it outside: {wrong[1]}"
             )
         env = env.env
 
@@ -126,7 +108,7 @@ def reads(reader: object, at: int) -> bool:
     Its own code decides. Where that is not known, as of a callable of C, it may.
 
     Args:
-        reader: a function, or what is no reader.
+        reader: a function, or anything else.
         at: which argument.
     """
     if not callable(reader):
@@ -153,11 +135,12 @@ def reads(reader: object, at: int) -> bool:
     )
 
 
-def check_spaces(outer: gym.Space, inner: gym.Space) -> None:
-    """Refuse a wrapper between filter and environment that changes the actions.
+def check_spaces(plant: Plant, outer: gym.Space, inner: gym.Space) -> None:
+    """Refuse a wrapper that changes the actions, and an action space that cannot hold u.
 
     Raises:
-        InvalidInputError: if the action spaces differ.
+        InvalidInputError: if the action spaces differ; or u is the environment's action, and the
+            space is no Box of (n_u,) numbers of 32 or 64 bits.
     """
     instance("action space", outer, gym.Space)
     instance("action space", inner, gym.Space)
@@ -167,6 +150,13 @@ def check_spaces(outer: gym.Space, inner: gym.Space) -> None:
             f"{outer}, so that the filter's input would not be what the robot gets; expected such "
             "wrappers outside: RescaleAction(SafetyFilter(env), …), not "
             "SafetyFilter(RescaleAction(env, …))"
+        )
+    is_box = isinstance(outer, gym.spaces.Box) and outer.dtype.char in "fd"
+    if plant.to_action is None and not (is_box and outer.shape == (plant.model.n_u,)):
+        raise InvalidInputError(
+            f"action space: got {outer}, expected a Box of shape ({plant.model.n_u},) and dtype "
+            "float32 or float64, which can hold u; where actions are others, give "
+            "Plant(to_action=…, from_action=…)"
         )
 
 
@@ -185,21 +175,3 @@ def input_set_of(plant: Plant, space: gym.Space) -> InputSet:
             "expected an input_set, or a bounded Box of shape (n_u,) that u shares"
         )
     return input_sets.read("action space", space)
-
-
-def check_type(plant: Plant, space: gym.Space) -> None:
-    """Refuse an action space that cannot hold u.
-
-    Raises:
-        InvalidInputError: if u is the environment's action, and the space is no Box of (n_u,)
-            numbers of 32 or 64 bits.
-    """
-    if plant.to_action is not None:
-        return
-    is_box = isinstance(space, gym.spaces.Box) and space.dtype.char in "fd"
-    if not is_box or space.shape != (plant.model.n_u,):
-        raise InvalidInputError(
-            f"action space: got {space}, expected a Box of shape ({plant.model.n_u},) and dtype "
-            "float32 or float64, which can hold u; where actions are others, give "
-            "Plant(to_action=…, from_action=…)"
-        )

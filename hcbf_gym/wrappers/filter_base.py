@@ -1,24 +1,23 @@
 """What the filter around one environment and the filter around N of them share."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 
 from hcbf_gym import certificates
-from hcbf_gym.arrays import Info, Mask
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
-from hcbf_gym.errors import InvalidInputError, count, instance
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, count, floats, instance, warn_caller
 from hcbf_gym.filter.certified import Earned, certified, differs, limits
 from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.model_core import ModelCore
-from hcbf_gym.filter.planar_core import PlanarCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Plant
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.programs import ConflictReport
 from hcbf_gym.wrappers.checks import (
     INFO,
@@ -26,17 +25,17 @@ from hcbf_gym.wrappers.checks import (
     check_observations,
     check_order,
     check_spaces,
-    check_type,
     input_set_of,
     plant_of,
     reads,
-    real_input,
 )
-from hcbf_gym.wrappers.readers import Readers, copied
+from hcbf_gym.wrappers.infos import copied
+
+_FLOATS = np.dtype(np.float64), np.dtype(np.float32)
 
 
 class FilterBase:
-    """The way of an action through a plant's filter, for one plant or a batch.
+    """From an action to the environment's, through the filter of a plant or of a batch.
 
     Attributes:
         plant: what the filter knows of the environment.
@@ -54,45 +53,27 @@ class FilterBase:
         batch: int | None = None,
         threads: int = 1,
     ) -> None:
-        """Look at plant and environment, and make the filter.
-
-        Args:
-            spaces: of the actions, outside the environment's wrappers and inside.
-            plant: what the filter must know of the environment; None takes what it brings.
-            settings: what the user asked.
-            certificate: of the plant; None for none.
-            batch: N of a batch; None for one plant.
-            threads: how many cores filter a batch.
-
-        Raises:
-            UnknownNameError: if a name is not known; the message lists the choices.
-            InvalidInputError: if an option is unknown or out of range, the environment has no
-                plant, or a wrapper inside changes the actions.
-        """
+        """Check plant and environment, and make the filter."""
         self._inner: Any = self.env.unwrapped
-        plant = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
+        given = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
         count("threads", threads)
         one = None if certificate is None else certificates.load(certificate)
-        self.plant = plant if one is None else certified(plant, one, self._inner)
+        self.plant = plant = given if one is None else certified(given, one, self._inner)
         check_order(self.env)
-        check_observations(self.env, self.plant)
-        check_spaces(*spaces)
-        check_type(self.plant, spaces[0])
-        input_set = input_set_of(self.plant, spaces[1])
-        self._core: FilterCore = _core_of(self.plant)(
-            self.plant, input_set, settings, batch, threads
-        )
-        self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
+        check_observations(self.env, plant)
+        check_spaces(plant, *spaces)
+        input_set = input_set_of(plant, spaces[1])
+        self._core = FilterCore(plant, input_set, settings, batch, threads)
+        self._dtype = None if plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
-            self._core.applied_as(self._dtype)
-        self._limits = limits(settings._asdict(), self.plant, differs(plant, self._inner), one)
+            self._core.made.applied_as(self._dtype)
+        self._limits = limits(settings._asdict(), plant, differs(given, self._inner), one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
         self._observation: object = None
         self._info: Info = {}
         self._begun = False
         self._is_first = True  # no episode has begun yet
-        self._readers = Readers(self.plant, self._core.guides)
-        plant = self.plant
+        self._raised: set[str] = set()  # the readers that were warned of
         own = callable(plant.covered) and plant.covered not in READERS
         self._covers_anew = own and not isinstance(plant.covered, Earned) and not self._limits
         read_now = plant.barriers, plant.state, plant.goal, plant.extent
@@ -128,51 +109,77 @@ class FilterBase:
         return self._core.conflict(i)
 
     def _see(self, observation: object, info: Info) -> None:
-        """Note what readers look at before the next action; the caller may change what it has."""
+        """Note what readers look at before the next action; the caller may change its own."""
         self._observation = copied(observation) if self._copies[OBSERVATION] else observation
         self._info = copied(info) if self._copies[INFO] else info
 
     def _begin(self, mask: Mask, joins: bool = False) -> Info:
-        """Begin the masked episodes (N,), and return the report of their first states.
-
-        Args:
-            mask: which.
-            joins: whether the episodes run already; the clock goes on where the plant has one.
-        """
-        seen, first = (self._inner, self._observation, self._info), self._is_first
-        barriers, estimate, world = self._readers(*seen, first=first)
+        """Begin the masked episodes (N,), and return the report of their first states."""
+        core = self._core
+        barriers, estimate, world = self._sample()
         if joins and estimate.time is not None:
-            self._core.join(mask)
+            core.join(mask)
         else:
-            self._core.restart(mask)
-        self._core.cover(self._limits or self._readers.covered(*seen, first=first))
-        report = self._core.begin(barriers, estimate, *(world or (None, None)), is_first=first)
+            core.restart(mask)
+        core.cover(self._limits or self._covered())
+        goal, extent = world or (None, None)
+        report = core.begin(barriers, estimate, goal, extent, is_first=self._is_first)
         self._is_first = False
         return report
 
     def _filtered(self, action: Any) -> tuple[Any, Info]:
-        """Return what the environment is told in the place of an action, and the report.
-
-        Raises:
-            InvalidInputError: if no episode has begun, or u* is not made of finite numbers.
-        """
+        """Return the environment's action in the place of u*, and the report."""
         if not self._begun:
             raise InvalidInputError(
                 "safety filter: got a step before a reset that succeeded, expected reset() first"
             )
-        plant = self.plant
-        wanted = action if plant.from_action is None else plant.from_action(action)
-        u_nominal = real_input(wanted, self._shape)
-        seen = self._inner, self._observation, self._info
-        barriers, estimate, world = self._readers(*seen)
+        plant, core = self.plant, self._core
+        u = action if plant.from_action is None else plant.from_action(action)
+        if not (type(u) is np.ndarray and u.dtype in _FLOATS and u.shape == self._shape):
+            u = floats("action", u, self._shape)
+        u_nominal: Array = u.astype(np.float64)
+        barriers, estimate, world = self._sample()
         if self._covers_anew:
-            self._core.follow_cover(self._readers.covered(*seen, first=False))
-        u, report = self._core.step(u_nominal, barriers, estimate, world=world)
+            core.covering.follow(self._covered())
+        u, report = core.step(u_nominal, barriers, estimate, world=world)
         if plant.to_action is None:
             return u.astype(self._dtype), report
         return plant.to_action(u.copy()), report
 
+    def _sample(self) -> tuple[Any, Estimate, tuple[Any, Any] | None]:
+        """Return barriers, estimate, and goal and extent where guidance leads, as they are now."""
+        plant = self.plant
+        barriers = self._read("barriers", plant.barriers)
+        state = self._read("state", plant.state)
+        world = None
+        if self._core.guides:
+            goal = self._read("goal", plant.goal)
+            world = goal, self._read("extent", plant.extent, unknown=math.nan)
+        return barriers, state if isinstance(state, Estimate) else Estimate(state), world
 
-def _core_of(plant: Plant) -> type[PlanarCore] | type[ModelCore]:
-    """Return the core that fits a plant: compiled for the planar double integrator."""
-    return PlanarCore if plant.model == DoubleIntegrator() else ModelCore
+    def _covered(self) -> Any:
+        """Return whether the promise was tested for the episodes that begin."""
+        covered = self._read("covered", self.plant.covered)
+        return Coverage.OUTSIDE if covered is None else covered
+
+    def _read(self, name: str, source: Any, unknown: float | None = None) -> Any:
+        """Return a field of the plant as it is now, `unknown` where its reader raises.
+
+        That is warned of once of each. Before anything was filtered it is raised.
+        """
+        if not callable(source):
+            return source
+        try:
+            return source(self._inner, self._observation, self._info)
+        except Exception as error:  # whatever a user's sensor raises, the robot has to stop
+            if self._is_first:
+                error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
+                raise
+            if name not in self._raised:
+                self._raised.add(name)
+                does = "covered is 0" if name == "covered" else "the filter brakes until that ends"
+                warn_caller(
+                    f"safety filter: the reader of the {name} raised {error!r}; {does}",
+                    SafetyWarning,
+                )
+            return unknown

@@ -14,7 +14,7 @@ class FilterLog:
     """Gathers a filter's reports between two points of a curve.
 
     Args:
-        conditions: `SafetyFilter.conditions`, which tell the ranks.
+        conditions: `SafetyFilter.conditions`, which have the ranks.
 
     Examples:
         >>> log = FilterLog([Condition("wall", 1), Condition("lawn", 2)])

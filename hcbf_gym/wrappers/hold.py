@@ -25,15 +25,15 @@ class HoldAction(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     Rewards, their terms in the infos, `cost` and `costs` are summed; `min_h` is the least; of the
     filter's report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`,
-    `intervention` and `deadlock` the mean, `fallbacks` the sum. All else is what the last step
-    says. Put it outside the filter, which then looks at every step.
+    `intervention` and `deadlock` the mean, `fallbacks` the sum. All else is of the last step. Put
+    it outside the filter, which then looks at every step.
 
     Args:
         env: any environment, filtered or not.
         steps: for which an action is held.
 
     Raises:
-        InvalidInputError: if `steps` is no whole number from 1 on.
+        InvalidInputError: if `steps` is no integer from 1 on.
     """
 
     def __init__(self, env: gym.Env[ObsType, ActType], steps: int):
@@ -67,7 +67,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled", of the held decisions.
 
     Raises:
-        InvalidInputError: if `steps` is no whole number from 1 on, the environment resets itself,
+        InvalidInputError: if `steps` is no integer from 1 on, the environment resets itself,
             or it joins single ones, around each of which a `HoldAction` belongs.
     """
 
@@ -118,7 +118,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
     def _start_over(
         self, observation: Any, reward: Array, terminated: Mask, truncated: Mask, infos: Info
     ) -> tuple[Any, Array, Mask, Mask, Info]:
-        """Restart what the mode says."""
+        """Restart environments as the mode requires."""
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
             restarted = self._ended
             fresh, fresh_infos = self.env.reset(options={"reset_mask": restarted})
@@ -136,14 +136,7 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
 
 
 def _merge(held: Info, now: Info, count: int, running: Mask | None = None) -> Info:
-    """Return the infos of a decision so far.
-
-    Args:
-        held: over the steps before.
-        now: of step number `count`.
-        count: from 2 on.
-        running: (N,) where the step belongs to the episode; None for a single environment.
-    """
+    """Return the infos of a decision so far."""
     merged: Info = {}
     for key, value in now.items():
         if key not in held:

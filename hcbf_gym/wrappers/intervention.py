@@ -17,11 +17,7 @@ from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 
 def _check_filtered(env: Any, kind: type) -> None:
-    """Refuse an environment without a filter.
-
-    Raises:
-        InvalidInputError: if no wrapper of the given kind is found.
-    """
+    """Refuse an environment without a filter."""
     while env is not env.unwrapped:
         if isinstance(env, kind):
             return

@@ -1,4 +1,4 @@
-"""Observations that tell ranks, of one length in all random scenes."""
+"""Observations with ranks, of one length in all random scenes."""
 
 from typing import Any
 
@@ -24,11 +24,9 @@ HEAD, SENSED, SLOT = 8, 4, 6
 class RankedObservation(gym.ObservationWrapper, RecordConstructorArgs):
     """Lists the conditions nearest first, each with its presence and its rank, in fixed slots.
 
-    The observation of the environments of this package has four numbers for each condition of the
-    scene, in the scene's order, and says nothing of ranks. Here it has 8 + 6 K entries in every
-    scene: the state and the reference with lengths in units of 5 m, then K slots of (present, rank,
-    h in units of 5 m, unit gradient (2,), ∂h/∂t [m/s]). A slot without a condition nearer than 5 m
-    is zero.
+    It has 8 + 6 K entries in every scene: the state and the reference with lengths in units of 5 m,
+    then K slots of (present, rank, h in units of 5 m, unit gradient (2,), ∂h/∂t [m/s]). A slot
+    without a condition nearer than 5 m is zero.
 
     Args:
         env: an environment of this package, possibly wrapped.

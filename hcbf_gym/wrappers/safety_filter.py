@@ -10,12 +10,12 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from hcbf_gym import programs, records
+from hcbf_gym import programs
 from hcbf_gym.arrays import Info
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.filter.settings import FilterSettings, plain_options
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.plant import Plant
-from hcbf_gym.wrappers.arguments import record, with_plant
+from hcbf_gym.wrappers.arguments import record_filter, with_plant
 from hcbf_gym.wrappers.filter_base import FilterBase
 
 
@@ -27,12 +27,10 @@ class SafetyFilter(
     The policy's action u* goes to the program. The environment receives the program's input u.
     ``info["safety_filter"]`` holds the fields of `hcbf_gym.filter.report`: u* and u, each row's
     slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
-    `hcbf_gym.models.Reason`, 0 where there is none), `covered` (a
-    `hcbf_gym.models.Coverage`), `covered_by` (why, a `hcbf_gym.models.CoveredBy`), and
-    what is measured on the way, such as `intervention` ‖u − u*‖ and `deadlock`, 1 where the plant
-    stands (‖v‖ < 0.05 m/s) though u* asks it to move (‖u*‖ > 0.3 m/s²), and 0 of any model but
-    the planar double integrator.
-    `reset` reports the same keys.
+    `hcbf_gym.models.Reason`), `covered` (a `hcbf_gym.models.Coverage`), `covered_by` (why, a
+    `hcbf_gym.models.CoveredBy`), `intervention` ‖u − u*‖, and `deadlock`: 1 where a planar double
+    integrator is at rest (‖v‖ < 0.05 m/s) though u* requests motion (‖u*‖ > 0.3 m/s²). `reset`
+    reports the same keys.
 
     Args:
         env: an environment of this package, possibly wrapped; any other with its `plant`. Wrappers
@@ -42,10 +40,10 @@ class SafetyFilter(
         rows: "held" preserves h ≥ 0 while an input is held, "usual" at the samples alone. Plants
             other than the planar double integrator, or of unknown period, have usual rows.
         guidance: "geodesic" leads to the plant's goal around the regions by a row of the last rank,
-            or, for programs with weights, by the input nearest u* that moves along the way; "local"
-            circulates around what stops u*, where no goal is known; a dict ``{"kind": "geodesic",
-            "through": p}`` lets ranks from p on give way to it; None leaves the way to the
-            policy.
+            or, for programs with weights, by the input nearest u* that moves along the path;
+            "local" circulates around what stops u*, where no goal is known; in a dict ``{"kind":
+            "geodesic", "through": p}`` ranks from p on are relaxed for it; None leaves the path to
+            the policy.
         margin: what rows on the position reserve between h and zero [m]; None derives it from what
             is uncertain.
         solver: "daqp", "clarabel" or any solver that qpsolvers knows, as a second opinion; None
@@ -55,8 +53,8 @@ class SafetyFilter(
         allow_late_inputs: whether a barrier may have a row that misses an input which helps by a
             later derivative; a warning then replaces the refusal.
         certificate: a `certificates.Certificate`, the path of its file, or the name of a shipped
-            one: rows reserve its margins, and `covered` says what it covers. None leaves both to
-            the plant, which follows a shipped one where there is one.
+            one: rows reserve its margins, and `covered` follows it. None leaves both to the plant,
+            which follows a shipped one where there is one.
         **options: `alpha1` (default: the paper's logarithm) and `alpha2` (default: gain 2), class-K
             functions as `barriers.class_k.make` reads them; all else goes to the program, such as
             `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
@@ -91,34 +89,20 @@ class SafetyFilter(
         certificate: str | Path | Certificate | None = None,
         **options: Any,
     ):
-        record(
-            self,
-            env,
-            gym.Env,
-            program=programs.plain(program),
-            plant=plant,
-            rows=rows,
-            guidance=guidance,
-            margin=margin,
-            solver=solver,
-            on_alarm=on_alarm,
-            allow_late_inputs=allow_late_inputs,
-            certificate=records.plain(certificate),
-            **plain_options(options),
-        )
-        gym.Wrapper.__init__(self, env)
         settings = FilterSettings(
             program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
         )
+        record_filter(self, env, gym.Env, plant, settings, certificate)
+        gym.Wrapper.__init__(self, env)
         spaces = env.action_space, env.unwrapped.action_space
         self._prepare(spaces, plant, settings, certificate)
-        self._is_own = plant is not None
+        self._has_own_plant = plant is not None
 
     @property
     def spec(self) -> EnvSpec | None:
         """What the environment is made from again; as JSON without a plant of one's own."""
         spec = super().spec
-        return with_plant(spec) if self._is_own and spec is not None else spec
+        return with_plant(spec) if self._has_own_plant and spec is not None else spec
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
@@ -126,7 +110,7 @@ class SafetyFilter(
         """Start a new episode, and report on its first state."""
         self._begun = False
         observation, info = self.env.reset(seed=seed, options=options)
-        return self._report_first(observation, info, joins=False)
+        return self._first(observation, info, joins=False)
 
     def join(self, observation: ObsType, info: Info) -> tuple[ObsType, Info]:
         """Begin to filter an episode that runs already, or whose scene has just changed.
@@ -135,11 +119,9 @@ class SafetyFilter(
             observation: the environment's last one.
             info: the environment's last one; it gets the filter's entry.
         """
-        return self._report_first(observation, info, joins=True)
+        return self._first(observation, info, joins=True)
 
-    def _report_first(
-        self, observation: ObsType, info: Info, *, joins: bool
-    ) -> tuple[ObsType, Info]:
+    def _first(self, observation: ObsType, info: Info, *, joins: bool) -> tuple[ObsType, Info]:
         """Begin to filter an episode, and write the report of its first state."""
         self._see(observation, info)
         info["safety_filter"] = self._begin(np.ones(1, dtype=np.bool_), joins)

@@ -8,46 +8,46 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-from hcbf_gym import programs, records
+from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.filter.settings import FilterSettings, plain_options
+from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.plant import Plant
-from hcbf_gym.wrappers.arguments import record
+from hcbf_gym.wrappers.arguments import record_filter
 from hcbf_gym.wrappers.checks import INFO
 from hcbf_gym.wrappers.filter_base import FilterBase
-from hcbf_gym.wrappers.readers import joined, reported
+from hcbf_gym.wrappers.infos import joined, reported
 
 
 class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
     """`SafetyFilter` around N plants: all actions in one compiled call, where inputs are two.
 
-    It stands around ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, or around any vector
-    environment of Gymnasium with its `plant`, whose readers return what they know of all N: states
-    (N, n) or an `Estimate` of as many, and barriers as one list for all, N lists, or, of planar
-    double integrators, a `BarrierSet` of N scenes, which is the fastest. A state that is not finite
-    brakes its plant alone.
+    It wraps ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, or any vector environment of Gymnasium
+    with its `plant`, whose readers return what they know of all N: states (N, n) or an `Estimate`
+    of as many, and barriers as one list for all, N lists, or, of planar double integrators, a
+    `BarrierSet` of N scenes, which is the fastest. A state that is not finite brakes its plant
+    alone.
 
     Args:
         env: possibly wrapped; wrappers that change actions belong outside the filter.
-        program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
-        plant: what the filter must know of the environment; None takes ``env.unwrapped.plant``.
-            `to_action` and `from_action` get the inputs and the actions of all N.
-        rows: as `SafetyFilter` takes it.
-        guidance: as `SafetyFilter` takes it.
-        margin: as `SafetyFilter` takes it.
-        on_alarm: as `SafetyFilter` takes it.
-        allow_late_inputs: as `SafetyFilter` takes it.
-        certificate: as `SafetyFilter` takes it.
-        threads: how many cores filter at once; what comes out is the same.
-        **options: as `SafetyFilter` takes them.
+        program: as `SafetyFilter` takes it, like all other arguments but these.
+        plant: None takes ``env.unwrapped.plant``. `to_action` and `from_action` get the inputs and
+            the actions of all N.
+        rows: "held" or "usual".
+        guidance: "geodesic", "local", a dict or None.
+        margin: [m].
+        on_alarm: "warn" or "brake".
+        allow_late_inputs: whether a warning replaces the refusal.
+        certificate: of the plant.
+        threads: how many cores filter at once; the answer is the same.
+        **options: α₁, α₂ and the program's.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
         InvalidInputError: if an option is unknown or out of range, a wrapper inside changes the
-            actions, or the environment brings no plant, or does not say how it starts over.
+            actions, or the environment brings no plant, or no autoreset mode.
     """
 
     def __init__(
@@ -64,30 +64,16 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         threads: int = 1,
         **options: Any,
     ):
-        record(
-            self,
-            env,
-            VectorEnv,
-            program=programs.plain(program),
-            plant=plant,
-            rows=rows,
-            guidance=guidance,
-            margin=margin,
-            on_alarm=on_alarm,
-            allow_late_inputs=allow_late_inputs,
-            certificate=records.plain(certificate),
-            threads=threads,
-            **plain_options(options),
+        settings = FilterSettings(
+            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options
         )
+        record_filter(self, env, VectorEnv, plant, settings, certificate, threads=threads)
         VectorWrapper.__init__(self, env)
         if "autoreset_mode" not in env.metadata:
             raise InvalidInputError(
                 f"environment: got {env} without metadata['autoreset_mode'], expected one of "
-                "Gymnasium's AutoresetMode, which says when episodes begin anew"
+                "Gymnasium's AutoresetMode, by which episodes begin anew"
             )
-        settings = FilterSettings(
-            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options
-        )
         inner = cast(VectorEnv, env.unwrapped)
         spaces = env.single_action_space, inner.single_action_space
         self._prepare(spaces, plant, settings, certificate, env.num_envs, threads)
@@ -117,13 +103,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         return observation, info
 
     def _see(self, observation: object, info: Info, begins: Mask | None = None) -> None:
-        """Note what readers look at, NaN for what is not reported.
-
-        Args:
-            observation: of all N.
-            info: of all N.
-            begins: (N,) who were reset, where the others were not stepped; None for none.
-        """
+        """Note what readers look at, with NaN for unreported values."""
         before = self._info
         super()._see(observation, info)
         if self._copies[INFO]:

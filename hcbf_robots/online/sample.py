@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.filter.state_check import real_numbers
+from hcbf_gym.filter.samples import real_numbers
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
 

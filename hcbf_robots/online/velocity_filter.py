@@ -27,7 +27,7 @@ from hcbf_gym.errors import (
     shown,
     warn_caller,
 )
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import ROUNDING
@@ -182,7 +182,7 @@ class VelocityFilter:
         self._input_set = input_set
         self._core = self._core_of(self._settings)
         self.barriers = barriers
-        self._core.check_scene(BarrierSet([self._listed(barriers)]))
+        self._core.scenes.check(BarrierSet([self._listed(barriers)]))
         self.goal = goal
         self.reset()
 
@@ -216,7 +216,7 @@ class VelocityFilter:
         listed = tuple(barriers) if isinstance(barriers, Sequence) else barriers
         self._unseen = self._unseen or (look and not _same(listed, self._looked_at))
         self._barriers, self._looked_at, self._looks = barriers, listed, look
-        self._core.follow_maps(look)
+        self._core.guide.follows = look
         self._warn_of_sight(listed)
 
     def check(self, barriers: Sequence[Element]) -> None:
@@ -226,7 +226,7 @@ class VelocityFilter:
             InvalidInputError: if they are invalid, or a speed zone's limit is lower than what its
                 row reserves and one input brings.
         """
-        self._core.check_limits(BarrierSet([self._listed(barriers)]))
+        self._core.scenes.check_limits(BarrierSet([self._listed(barriers)]))
 
     @property
     def conditions(self) -> list[Condition]:
@@ -298,7 +298,7 @@ class VelocityFilter:
     def horizon(self) -> float:
         """How far from its centre a robot must see a region, at the speed `fastest` [m]."""
         kept, fastest = self._reserved, self.fastest + self._hardest * self._period
-        away = self._core.alpha1.inverse(fastest) + fastest * self._period
+        away = self._core.made.alpha1.inverse(fastest) + fastest * self._period
         return away + kept.distance + kept.cap + kept.body
 
     def _warn_of_sight(self, barriers: object) -> None:
@@ -323,11 +323,11 @@ class VelocityFilter:
         core.go_on_from(self._core)
         self._core, self._settings, self._begun = core, settings, False
 
-    def _core_of(self, settings: FilterSettings) -> PlanarCore:
+    def _core_of(self, settings: FilterSettings) -> FilterCore:
         """Return the core; measurements are compared here, at their own times."""
-        core = PlanarCore(self._plant, self._input_set, settings)
+        core = FilterCore(self._plant, self._input_set, settings)
         core.leave_monitor()
-        core.follow_maps(self._looks)
+        core.guide.follows = self._looks
         return core
 
     def reset(self) -> None:
@@ -399,7 +399,7 @@ class VelocityFilter:
         present = given.stamp if now is None else number(now)
         self._look_back(present)
         self._clock.look(present)
-        self._core.began = self._clock.zero
+        self._core.scenes.began = self._clock.zero
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
         age = 0.0 if now is None else present - sample.stamp
@@ -451,7 +451,7 @@ class VelocityFilter:
         velocity = follower.now(body[2:], place[2], present) if sound else follower.velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
-        covariance = odometry.covariance(self._core.uncertainty.confidence)
+        covariance = odometry.covariance(self._core.made.uncertainty.confidence)
         time, fault = self._clock.since(present), odometry.fault or None
         estimate = Estimate(x, time, covariance, x, lag, place[2], age=age, fault=fault)
         return estimate, float(place[2]), float(motion[2]), sound and not stale

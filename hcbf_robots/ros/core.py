@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.many import each
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, shown
-from hcbf_gym.filter.state_check import real_numbers
+from hcbf_gym.filter.samples import real_numbers
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps.nav2 import Raster

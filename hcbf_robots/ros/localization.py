@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, shown
-from hcbf_gym.filter.state_check import real_numbers
+from hcbf_gym.filter.samples import real_numbers
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_robots.online.sample import placed
 from hcbf_robots.ros.parameters import Settings

@@ -260,13 +260,13 @@ def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
     env = Mass()
     one = made(certificates.declared(plant, env, None, {}), margins=Uncertainty())
     filtered = SafetyFilter(env, plant=plant, certificate=one)
-    filtered._core._fresh[:] = True
+    filtered._core.samples.fresh[:] = True
     filtered._core.covering._coverage[:] = Coverage.COVERED
-    filtered._core.covering.doubt(np.array([Coverage.OUTSIDE]), filtered._core._fresh)
+    filtered._core.covering.doubt(np.array([Coverage.OUTSIDE]), filtered._core.samples.fresh)
     assert filtered._core.covering._coverage[0] == Coverage.COVERED
     bare = SafetyFilter(env, plant=plant)
     bare._core.covering._coverage[:] = Coverage.COVERED
-    bare._core.covering.doubt(np.array([Coverage.OUTSIDE]), bare._core._fresh)
+    bare._core.covering.doubt(np.array([Coverage.OUTSIDE]), bare._core.samples.fresh)
     assert bare._core.covering._coverage[0] == Coverage.OUTSIDE
 
 

@@ -278,8 +278,8 @@ def test_a_scene_that_changes_or_needs_too_much_is_reported():
     assert (report["covered"], report["covered_by"]) == (2, CoveredBy.CHANGED)
     _, info = env.reset(seed=0)
     assert info["safety_filter"]["covered_by"] == CoveredBy.NONE
-    env._core._fresh[:] = True
-    env._core.covering.doubt(np.array([Coverage.OUTSIDE]), env._core._fresh)
+    env._core.samples.fresh[:] = True
+    env._core.covering.doubt(np.array([Coverage.OUTSIDE]), env._core.samples.fresh)
     assert env._core.covering._why[0] == CoveredBy.INPUTS
 
 

@@ -9,7 +9,7 @@ from hcbf_gym import _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
 from hcbf_gym.barriers.speed_limit import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
@@ -34,7 +34,7 @@ def filter_of(barriers, *, guidance=None, solver=None, program="lex-cbf-qp", **o
         period=PERIOD, uncertainty=Uncertainty(body=BODY), axle=CART,
     )  # fmt: skip
     settings = FilterSettings(program, "held", guidance, None, solver, "warn", False, options)
-    return PlanarCore(plant, plant.input_set, settings)
+    return FilterCore(plant, plant.input_set, settings)
 
 
 class Cart:
@@ -140,17 +140,17 @@ def test_turning_in_place_beside_a_wall_is_never_changed():
 @pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (0.2, 0.7, 1.5), (0.3, -0.6, -3.0)])
 def test_a_cart_slides_into_a_doorway_that_its_circle_passes(width, start):
     half = width / 2.0
-    door = [
+    filt = [
         ConvexPolygon("a", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
         ConvexPolygon("b", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, -half), (2.0, -half))),
     ]
-    core, cart = filter_of(door), Cart(start[:2], start[2])
-    begun(core, door, cart)
+    core, cart = filter_of(filt), Cart(start[:2], start[2])
+    begun(core, filt, cart)
     for _ in range(600):
         ahead = np.array([1.3 if cart.x[0] < 1.2 else 3.5, 0.0]) - cart.x[:2]
         wanted = CART.forward * ahead / np.hypot(*ahead)
-        u, report = core.step(4.0 * (wanted - cart.x[2:]), door, cart.estimate())
-        least, _ = nearest(door, cart.hold(u))
+        u, report = core.step(4.0 * (wanted - cart.x[2:]), filt, cart.estimate())
+        least, _ = nearest(filt, cart.hold(u))
         assert least >= BODY - 1e-9
         assert report["status"] <= FilterStatus.SAFE
         if cart.place[0] > 2.6:
@@ -161,7 +161,7 @@ def test_a_cart_slides_into_a_doorway_that_its_circle_passes(width, start):
 def test_what_moves_is_relaxed_for_what_is_at_rest():
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -1.0)
     mover = Disc("mover", 1, (-1.5, 0.0), 0.2, (0.4, 0.0))
-    cart, said, hit = Cart((0.0, 0.0), 0.0), False, False
+    cart, answers, hit = Cart((0.0, 0.0), 0.0), False, False
     core = filter_of([wall, mover])
     begun(core, [wall, mover], cart)
     for _ in range(120):
@@ -172,10 +172,10 @@ def test_what_moves_is_relaxed_for_what_is_at_rest():
         h, n = nearest([mover], places[-1:], time + PERIOD)
         if h < BODY and not hit:
             hit = True
-            assert said
+            assert answers
             assert cart.v * cart.axes[0] @ n >= -1e-6  # it does not drive at what runs into it
-        said |= report["status"] >= FilterStatus.VIOLATED
-    assert said
+        answers |= report["status"] >= FilterStatus.VIOLATED
+    assert answers
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_after_an_alarm_that_brakes_what_moves_pushes_it_through_no_wall():
         uncertainty=Uncertainty(body=BODY), axle=CART,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "brake", False, {})
-    core, cart = PlanarCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    core, cart = FilterCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
     begun(core, scene, cart)
     for step in range(120):
         fault = Reason.INPUT if step == 2 else None
@@ -235,7 +235,7 @@ def test_a_speed_limit_is_not_passed_by_turning(braking):
         DoubleIntegrator(), limit, lambda *_: None, Box.symmetric(5.0), period=PERIOD, axle=cart_of
     )
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
-    core, cart = PlanarCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    core, cart = FilterCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
     begun(core, limit, cart)
     fastest = 0.0
     for _ in range(200):
@@ -344,7 +344,7 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
             period=PERIOD, axle=CART._replace(braking=braking),
         )  # fmt: skip
         settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
-        return PlanarCore(plant, input_set, settings)
+        return FilterCore(plant, input_set, settings)
 
     core(1.5, Box.symmetric(1.5))
     with pytest.raises(InvalidInputError, match=r"axle: .* larger U"):
@@ -357,15 +357,15 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
 @pytest.mark.parametrize("offset", np.linspace(0.0, 0.05, 6).tolist())
 def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_ones(offset):
     core = filter_of(ROOM, guidance="geodesic")
-    passes = 2.0 * (core.clearance + 0.5 * core.cell)
+    passes = 2.0 * (core.made.clearance + 0.5 * core.made.cell)
     assert 2.0 * BODY < passes < 0.76
-    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.cell, 1)):
+    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.made.cell, 1)):
         low, high = offset - 0.5 * width, offset + 0.5 * width
-        door = [
+        filt = [
             ConvexPolygon("a", 1, ((1.0, high), (1.15, high), (1.15, 4.0), (1.0, 4.0))),
             ConvexPolygon("b", 1, ((1.0, -4.0), (1.15, -4.0), (1.15, low), (1.0, low))),
         ]
-        barriers, cart = [*ROOM, *door], Cart((-1.0, 0.5), 0.5)
+        barriers, cart = [*ROOM, *filt], Cart((-1.0, 0.5), 0.5)
         core = filter_of(barriers, guidance="geodesic")
         assert begun(core, barriers, cart, (2.0, 0.0))["reachable"] == through
         for _ in range(500 * (through == 0)):

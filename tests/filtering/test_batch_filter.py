@@ -91,24 +91,24 @@ def test_a_batch_is_as_many_single_filters(program, threads):
         u, report = batch(wanted, x)
         statuses |= set(report["status"].tolist())
         for i, one in enumerate(singles):
-            own, said = one(wanted[i], x[i])
+            own, answers = one(wanted[i], x[i])
             np.testing.assert_array_equal(own, u[i])
-            same(said, {key: value[i] for key, value in report.items()})
+            same(answers, {key: value[i] for key, value in report.items()})
         x = moved(x, u)
     assert len(statuses) >= 3  # neither all idle nor all in conflict
 
 
 def test_arrays_of_each_plant_are_the_lists_of_each():
     x, numbers = drawn(2, 40)
-    said = []
+    answers = []
     for scenes in (arrays(numbers), listed(numbers)):
         filt = hcbf_gym.BatchFilter(U, PERIOD, 40)
         filt.set_scene(scenes)
         filt.reset(x=x)
-        said.append(filt(np.full((40, 2), 4.0), x)[1])
+        answers.append(filt(np.full((40, 2), 4.0), x)[1])
         assert [c.rank for c in filt.conditions(3)] == RANKS
         assert [c.name for c in filt.conditions(3)] == ["a", "b", "wall", "cap"]
-    same(*said)
+    same(*answers)
 
 
 def test_one_list_is_for_all_and_short_lists_are_filled():
@@ -180,8 +180,8 @@ def test_a_nan_of_one_plant_brakes_it_alone_whatever_the_type(name, bad, dtype):
     filt.reset(x=np.zeros((3, 4)))
     part = PARTS[name].astype(dtype)
     part[1] = bad
-    told = Estimate(np.zeros((3, 4)))._replace(**{name: part})
-    _, report = filt(np.ones((3, 2)), told)
+    reported = Estimate(np.zeros((3, 4)))._replace(**{name: part})
+    _, report = filt(np.ones((3, 2)), reported)
     assert (report["status"] == FilterStatus.BACKUP).tolist() == [False, True, False]
 
 
@@ -430,6 +430,6 @@ def test_an_estimate_may_take_the_place_of_a_state():
         each.set_scene([DISC])
         each.reset(x=x)
     covariance = np.tile(1e-3 * np.eye(4), (3, 1, 1))
-    _, told = filt(np.ones((3, 2)), Estimate(x, covariance=covariance))
+    _, reported = filt(np.ones((3, 2)), Estimate(x, covariance=covariance))
     _, plain = other(np.ones((3, 2)), x)
-    assert (told["margin"] > plain["margin"]).all()
+    assert (reported["margin"] > plain["margin"]).all()

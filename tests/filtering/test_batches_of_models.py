@@ -12,6 +12,7 @@ from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, Jet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
+from tests.worlds import boat
 
 T, N = 0.05, 5
 WALL = HalfPlane("wall", 2, normal=(0.0, 1.0), offset=-1.0)
@@ -19,22 +20,12 @@ SHARED = [Disc("strict", 1, center=(1.0, 0.2), radius=0.4), WALL]
 OWN = [[Disc("strict", 1, center=(1.0 + 0.1 * i, 0.2), radius=0.4), WALL] for i in range(N)]
 
 
-def numpy_boat():
-    return models.ControlAffine(
-        lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
-        lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),
-        n=4,
-        n_u=2,
-        velocity_at=2,
-    )
-
-
 MODELS = {
     "unicycle": models.Unicycle(),
     "bicycle": models.KinematicBicycle(),
     "velocities": models.SingleIntegrator(),
     "drag": models.DoubleIntegrator(drag=0.5),
-    "own": numpy_boat(),
+    "own": boat(),
     "three inputs": models.DoubleIntegrator(3),
 }
 
@@ -80,10 +71,10 @@ class One(gym.Env):
         self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
         self.plant = hcbf_gym.Plant(model, scene, lambda env, *_: env.answers(), period=T)
 
-    def said(self):
+    def answers(self):
         all_of_them = np.tile(self.x, (N, 1))
-        told = self.lies(all_of_them, self.steps)
-        return told[self.i] if isinstance(told, np.ndarray) else told
+        reported = self.lies(all_of_them, self.steps)
+        return reported[self.i] if isinstance(reported, np.ndarray) else reported
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)

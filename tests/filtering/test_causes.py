@@ -20,7 +20,7 @@ FAR = Disc("far", 1, center=(50.0, 0.0), radius=1.0)
 MODELS = {"planar": DoubleIntegrator(), "drag": DoubleIntegrator(drag=0.5)}
 
 
-def said(model, estimates, barriers=(FAR,), **options):
+def answers(model, estimates, barriers=(FAR,), **options):
     """Return the warnings about steps with these estimates, functions of x and time."""
     estimates = [lambda x, t: Estimate(x, t), *estimates]
     steps = iter([lambda x, t: Estimate(x, t), *estimates])
@@ -72,7 +72,7 @@ CASES = {
 @pytest.mark.parametrize("model", MODELS)
 def test_the_state_the_age_and_the_clock_name_their_part(model, case):
     estimate, reason, part = CASES[case]
-    seen, text = said(MODELS[model], [estimate], max_age=0.1)
+    seen, text = answers(MODELS[model], [estimate], max_age=0.1)
     assert seen == reason
     assert part in text
 
@@ -96,7 +96,7 @@ class Broken(Barrier):
 )
 @pytest.mark.parametrize("model", MODELS)
 def test_barriers_name_the_one_its_part_and_the_state(model, name, part):
-    seen, text = said(MODELS[model], [lambda x, t: Estimate(x, t)], [FAR, Broken(name, 2)])
+    seen, text = answers(MODELS[model], [lambda x, t: Estimate(x, t)], [FAR, Broken(name, 2)])
     assert seen == Reason.BARRIERS
     for words in (f"condition 1, {name!r} of rank 2", part, "x = [0.0, 0.0, 0.0, 0.0]"):
         assert words in text
@@ -118,8 +118,8 @@ def test_a_derivative_that_is_nan_at_one_state_alone_is_taken_beside_it(model, n
 )
 def test_a_stamp_of_odometry_that_is_old_or_ahead_is_named(stamp, now, part):
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -3.0)
-    door = VelocityFilter(Robot(Command(0.5, 1.0, sideways=0.5)), [wall])
+    filt = VelocityFilter(Robot(Command(0.5, 1.0, sideways=0.5)), [wall])
     with pytest.warns(SafetyWarning) as caught:
-        _, report = door.step(np.zeros(3), np.zeros(3), np.zeros(3), stamp, now)
+        _, report = filt.step(np.zeros(3), np.zeros(3), np.zeros(3), stamp, now)
     assert report["reason"] == Reason.AGE
     assert part in " ".join(str(one.message) for one in caught)

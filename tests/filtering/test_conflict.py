@@ -15,6 +15,7 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import SingleIntegrator
 from hcbf_gym.programs import FilterResult, FilterStatus
+from tests.worlds import World
 
 U = Box.symmetric(5.0)
 SCENE = [
@@ -25,7 +26,7 @@ SCENE = [
 
 
 def by_hand(filt, x, report):
-    settings = filt._core.row_settings
+    settings = filt._core.made.row_settings
     batch = planar_rows(BarrierSet([SCENE]), x[None], np.zeros(1), settings, report["margin"][None])
     rows = CbfRows(batch.a[0], batch.b[0], batch.h[0], batch.priority[0], batch.alpha2_psi[0])
     slack = report["slack"]
@@ -103,20 +104,9 @@ def test_a_model_that_is_not_compiled():
     plant = Plant(
         SingleIntegrator(), scene, lambda env, observation, info: Estimate(x), period=0.05
     )
-    env = hcbf_gym.wrappers.SafetyFilter(Still(), plant=plant)
+    env = hcbf_gym.wrappers.SafetyFilter(World(SingleIntegrator(), limit=1.0), plant=plant)
     env.reset()
-    env.step(np.zeros(2, dtype=np.float32))
+    env.step(np.zeros(2))
     found = env.conflict()
     assert found is not None
     assert found.rows == (0, 1)
-
-
-class Still(gym.Env):
-    observation_space = gym.spaces.Box(-1.0, 1.0, (3,), np.float32)
-    action_space = gym.spaces.Box(np.float32([-1, -2]), np.float32([1, 2]))
-
-    def reset(self, *, seed=None, options=None):
-        return np.zeros(3, np.float32), {}
-
-    def step(self, action):
-        return np.zeros(3, np.float32), 0.0, False, False, {}

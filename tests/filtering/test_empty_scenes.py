@@ -10,6 +10,7 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from hcbf_robots import VelocityFilter
+from tests.worlds import World
 
 GOAL = (3.0, 1.0)
 ASIDE = [Disc("aside", 1, (-2.0, 2.0), 0.5)]
@@ -22,11 +23,13 @@ def test_a_robot_is_led_through_nothing(robot):
     for k in range(120):
         if k in (20, 40):
             safe.barriers = ASIDE if k == 20 else []
-        told, report = safe.step(np.zeros(len(safe.robot.command.limits)), pose, twist, 0.05 * k)
+        reported, report = safe.step(
+            np.zeros(len(safe.robot.command.limits)), pose, twist, 0.05 * k
+        )
         assert report["reason"] == 0
         assert report["h"].shape == ((1,) if 20 <= k < 40 else (0,))
-        ahead, aside = (told[0], 0.0) if len(told) == 2 else told[:2]
-        twist = np.array([ahead, aside, told[-1]])
+        ahead, aside = (reported[0], 0.0) if len(reported) == 2 else reported[:2]
+        twist = np.array([ahead, aside, reported[-1]])
         middle = pose[2] + 0.025 * twist[2]
         cos, sin = np.cos(middle), np.sin(middle)
         step = cos * ahead - sin * aside, sin * ahead + cos * aside, twist[2]
@@ -48,18 +51,8 @@ def test_many_points_are_led_through_nothing(program):
     assert (x[:, 0] > 0.5).all()
 
 
-class Point(gym.Env):
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
-    action_space = gym.spaces.Box(-3.0, 3.0, (2,), np.float64)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(4)
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.x = models.DoubleIntegrator().step(self.x, np.asarray(action), 0.05)
-        return self.x.copy(), 0.0, False, False, {}
+def point():
+    return World(period=0.05, limit=3.0)
 
 
 @pytest.mark.parametrize("count", [None, 2])
@@ -74,10 +67,10 @@ def test_wrapped_environments_are_led_through_nothing(count):
         goal=GOAL,
     )
     if count is None:
-        env = SafetyFilter(Point(), plant=plant, guidance="geodesic")
+        env = SafetyFilter(point(), plant=plant, guidance="geodesic")
     else:
         env = VectorSafetyFilter(
-            gym.vector.SyncVectorEnv([Point] * count), plant=plant, guidance="geodesic"
+            gym.vector.SyncVectorEnv([point] * count), plant=plant, guidance="geodesic"
         )
     env.reset(seed=0)
     for _ in range(40):

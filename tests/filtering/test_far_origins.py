@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -18,8 +17,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.filter.model_core import ModelCore
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
@@ -27,6 +25,7 @@ from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
+from tests.worlds import World
 
 T, UTM = 0.05, (500_000.0, 5_900_000.0)
 MODELS = {
@@ -87,7 +86,7 @@ def run(name, x, y, count, guided=False):
     plant = Plant(model, lambda *_: (), lambda *_: (), u_set, period=T, axle=axle, brake=brake)
     settings = FilterSettings("lex-cbf-qp", "held", "geodesic" if guided else None, None, None,
                               "warn", True, {})  # fmt: skip
-    core = (PlanarCore if name in ("planar", "cart") else ModelCore)(plant, u_set, settings, count)
+    core = FilterCore(plant, u_set, settings, count)
     n = 1 if count is None else count
     barriers = scene(name, x, y)
     if guided:
@@ -149,32 +148,20 @@ def test_guidance_leads_there(count):
     assert not reasons[1] & {Reason.STATE, Reason.BARRIERS, Reason.GOAL}, reasons
 
 
-class Boat(gym.Env):
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
-    action_space = gym.spaces.Box(-2.0, 2.0, (2,), np.float64)
+class Boat(World):
+    """A double integrator in survey coordinates, which notes where it was braked."""
 
-    def __init__(self, barriers, at=UTM, static=True):
+    def __init__(self, barriers, static=True):
         def brake(x):
             self.braked_at = np.array(x)
             return np.zeros(2)
 
-        self.at = at
+        super().__init__(period=T, limit=2.0, start=[*UTM, 0.0, 0.0])
+        self.seen = lambda: self.x.copy()
         self.plant = hcbf_gym.Plant(
             models.DoubleIntegrator(), barriers if static else lambda *_: barriers,
-            lambda env, *_: env.answers(), period=T, brake=brake,
+            lambda env, *_: env.seen(), period=T, brake=brake,
         )  # fmt: skip
-
-    def said(self):
-        return self.x.copy()
-
-    def reset(self, *, seed=None, options=None):
-        self.x = np.array([*self.at, 0.0, 0.0])
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.x[:2] += T * self.x[2:] + 0.5 * T**2 * action
-        self.x[2:] += T * action
-        return self.x.copy(), 0.0, False, False, {}
 
 
 @pytest.mark.parametrize("static", [True, False])
@@ -183,7 +170,7 @@ def test_a_wrapper_stops_before_a_wall_there_and_again_elsewhere(static):
     env = Boat([wall], static=static)
     safe = SafetyFilter(env)
     for at in (UTM, (UTM[0] - 1500.0, UTM[1] + 2000.0), UTM):
-        env.at = at
+        env.start[:2] = at
         safe.reset()
         for _ in range(200):
             report = safe.step(np.array([2.0, 0.0]))[4]["safety_filter"]
@@ -197,7 +184,7 @@ def test_a_brake_gets_the_state_as_the_plant_gives_it():
     safe = SafetyFilter(env)
     safe.reset()
     safe.step(np.zeros(2))
-    env.said = lambda: np.full(4, np.nan)
+    env.seen = lambda: np.full(4, np.nan)
     with pytest.warns(SafetyWarning):
         safe.step(np.zeros(2))
     np.testing.assert_allclose(env.braked_at, env.x, atol=1e-6)
@@ -216,9 +203,9 @@ def test_what_cannot_be_moved_stops_the_robot_with_a_warning():
 @pytest.mark.filterwarnings("ignore:.*brakes until")
 def test_an_invalid_state_does_not_decide():
     env = Boat([Disc("disc", 1, (UTM[0] + 3.0, UTM[1]), 0.5)])
-    said, env.said = env.said, lambda: Estimate(np.zeros(4), age=np.inf)
+    seen, env.seen = env.seen, lambda: Estimate(np.zeros(4), age=np.inf)
     safe = SafetyFilter(env)
     safe.reset()
     safe.step(np.zeros(2))
-    env.said = said
+    env.seen = seen
     assert safe.step(np.zeros(2))[4]["safety_filter"]["reason"] == Reason.NONE

@@ -1,6 +1,5 @@
 """A plant that does half or twice of its input, nothing or the contrary raises an alarm."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -8,27 +7,19 @@ from hcbf_gym import wrappers
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models.plant import FIRST_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from tests.worlds import World
 
 PERIOD = 0.05
 FAR = Disc("far", 1, center=(50.0, 0.0), radius=1.0)
 
 
-class Scaled(gym.Env):
+class Scaled(World):
     """The model itself under a share of its input."""
 
-    def __init__(self, model, share):
-        self.model, self.share = model, share
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float64)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
+    share = 1.0
 
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(self.model.n)
-        return self.x.copy(), {}
-
-    def step(self, u):
-        self.x = self.model.step(self.x, self.share * u, PERIOD)
-        return self.x.copy(), 0.0, False, False, {}
+    def advance(self, u):
+        return super().advance(self.share * u)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 2.0, -1.0, 1.0])
@@ -38,7 +29,9 @@ class Scaled(gym.Env):
 @pytest.mark.filterwarnings("ignore:safety filter")
 def test_a_share_of_the_input_is_an_alarm_within_a_second(model, share):
     plant = Plant(model, [FAR], lambda env, x, info: x, period=PERIOD)
-    env = wrappers.SafetyFilter(Scaled(model, share), plant=plant)
+    world = Scaled(model, PERIOD, 1.0)
+    world.share = share
+    env = wrappers.SafetyFilter(world, plant=plant)
     env.reset(seed=0)
     rng, alarmed = np.random.default_rng(0), False
     for _ in range(20):

@@ -26,10 +26,10 @@ def quietly(call, *arguments):
         return call(*arguments)
 
 
-def reasons(door, lists):
+def reasons(filt, lists):
     """Return the reasons of steps with these lists, one after the other."""
-    found = [int(quietly(door.begin, lists[0])["reason"])]
-    return found + [int(quietly(door.step, listed)["reason"]) for listed in lists[1:]]
+    found = [int(quietly(filt.begin, lists[0])["reason"])]
+    return found + [int(quietly(filt.step, listed)["reason"]) for listed in lists[1:]]
 
 
 def near(x, t, p):
@@ -51,10 +51,10 @@ MAKES = {
 )
 @pytest.mark.parametrize("way", WAYS)
 def test_motion_without_a_velocity_is_reported_in_half_a_second_and_then_ends(way, make):
-    made, door = MAKES[make], WAYS[way]()
+    made, filt = MAKES[make], WAYS[way]()
     comes = [[made(6.0 - FAST * T * k, 0.0)] for k in range(2 * WITHIN)]
     rests = [[made(6.0 - FAST * T * 2 * WITHIN, 0.0)] for _ in range(round(4.0 / T))]
-    found = reasons(door, comes + rests)
+    found = reasons(filt, comes + rests)
     assert Reason.MOVES in found[: WITHIN + 1]
     first = found.index(Reason.MOVES)
     assert set(found[first : len(comes)]) == {Reason.MOVES}  # as long as it moves
@@ -99,28 +99,28 @@ def test_what_came_into_sight_did_not_move():
 
 
 def test_arrays_that_are_set_again_are_compared():
-    door, x, found = BatchFilter(Box.symmetric(5.0), T), np.zeros(4), []
+    filt, x, found = BatchFilter(Box.symmetric(5.0), T), np.zeros(4), []
     for k in range(WITHIN):
-        door.set_scene([Shapes("it", 1, "disc", [[6.0 - FAST * T * k, 0.0, 0.5]])])
+        filt.set_scene([Shapes("it", 1, "disc", [[6.0 - FAST * T * k, 0.0, 0.5]])])
         if k == 0:
-            door.reset(x=x)
-        found.append(int(quietly(door, np.zeros(2), x)[1]["reason"]))
+            filt.reset(x=x)
+        found.append(int(quietly(filt, np.zeros(2), x)[1]["reason"]))
     assert Reason.MOVES in found
 
 
 @pytest.mark.parametrize("on_alarm", ["warn", "brake"])
 def test_the_step_is_not_calm_and_one_warning_an_episode_names_the_region(on_alarm):
-    door, x = BatchFilter(Box.symmetric(5.0), T, on_alarm=on_alarm), np.zeros(4)
+    filt, x = BatchFilter(Box.symmetric(5.0), T, on_alarm=on_alarm), np.zeros(4)
     for _ in range(2):
-        door.set_scene([Disc("the cat", 1, (6.0, 0.0), 0.5)])
-        door.reset(x=x)
+        filt.set_scene([Disc("the cat", 1, (6.0, 0.0), 0.5)])
+        filt.reset(x=x)
         with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
             for k in range(WITHIN):
-                door.set_scene([Disc("the cat", 1, (6.0 - FAST * T * k, 0.0), 0.5)])
-                u, report = door(np.array([0.01, 0.0]), x)
-        said = [str(one.message) for one in raised if one.category is SafetyWarning]
-        moves = [one for one in said if "velocity=(vx, vy)" in one]
+                filt.set_scene([Disc("the cat", 1, (6.0 - FAST * T * k, 0.0), 0.5)])
+                u, report = filt(np.array([0.01, 0.0]), x)
+        answers = [str(one.message) for one in raised if one.category is SafetyWarning]
+        moves = [one for one in answers if "velocity=(vx, vy)" in one]
         assert len(moves) == 1
         assert "'the cat'" in moves[0]
         assert report["reason"] == Reason.MOVES
@@ -128,23 +128,23 @@ def test_the_step_is_not_calm_and_one_warning_an_episode_names_the_region(on_ala
         assert (report["status"] == FilterStatus.BACKUP) == brakes
         assert u[0] == (0.0 if brakes else 0.01)
         for _ in range(round(4.0 / T)):
-            u, report = quietly(door, np.array([0.01, 0.0]), x)
+            u, report = quietly(filt, np.array([0.01, 0.0]), x)
         assert (report["status"], report["reason"]) == (FilterStatus.NOMINAL, 0)
         assert u[0] == 0.01
 
 
 def test_errors_that_are_declared_are_no_motion():
-    rng, door = np.random.default_rng(0), BatchFilter(
+    rng, filt = np.random.default_rng(0), BatchFilter(
         Box.symmetric(5.0), T, uncertainty=Uncertainty(distance=0.02)
     )  # fmt: skip
     x = np.zeros(4)
-    door.set_scene([Disc("it", 1, (1.0, 0.0), 0.5)])
-    door.reset(x=x)
+    filt.set_scene([Disc("it", 1, (1.0, 0.0), 0.5)])
+    filt.reset(x=x)
     for _ in range(400):
         turn = rng.uniform(0.0, 2.0 * np.pi)
         at = 1.0 + 0.02 * np.cos(turn), 0.02 * np.sin(turn)
-        door.set_scene([Disc("it", 1, at, 0.5)])
-        assert quietly(door, np.zeros(2), x)[1]["reason"] == 0
+        filt.set_scene([Disc("it", 1, at, 0.5)])
+        assert quietly(filt, np.zeros(2), x)[1]["reason"] == 0
 
 
 @pytest.mark.parametrize("named", [False, True])

@@ -1,7 +1,7 @@
 """What is declared as unknown is reserved on every model, alone and in batches.
 
-A cell is a model, a field of `Estimate` or `Uncertainty`, and one plant or three. It holds where
-the margins grow by what the field declares, or it has no meaning. A table lists both.
+A cell is a model, a field of `Estimate` or `Uncertainty`, and one plant or three. The margins grow
+by what the field declares, or it has no meaning and is refused.
 """
 
 import numpy as np
@@ -10,14 +10,14 @@ import pytest
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filter.model_core import ModelCore
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_robots.walkers.walker_margins import uncertainty
 from hcbf_robots.walkers.walker_response import Response
+from tests.worlds import boat
 
 T, LARGEST = 0.05, np.array([1.5, 0.5])
 WALL = HalfPlane("wall", 1, (-0.8, 0.6), -3.0)
@@ -26,16 +26,6 @@ CAP = SpeedLimit("cap", 1, 3.0, margin=0.1)
 CART = Axle(look_ahead=0.25, forward=3.0, turn=1.8, braking=0.5)
 EXACT = Uncertainty()
 WALKS = uncertainty(Response(), T)
-
-
-def boat():
-    return models.ControlAffine(
-        lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
-        lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),
-        n=4,
-        n_u=2,
-        velocity_at=2,
-    )
 
 
 POINT, MOVING = [0.1, 0.2], [0.1, 0.2, 0.3, -0.1]
@@ -53,24 +43,9 @@ SPEEDS = ("planar", "drag", "own", "axle", "walker")  # with a speed limit
 NO_SPEED = tuple(name for name in MODELS if name not in SPEEDS)
 SIZES = {"single": None, "batch": 3}
 
-NO_LENGTH = {
-    "x": "the estimate itself, which the rows read",
-    "time": "read by h(x, t) of what moves",
-    "heading": "an axle has one and no covariance of it; no other model reads it",
-    "age": "no length: x counts as true now up to max_age, and older ones brake with AGE",
-    "fault": "an alarm",
-    "elapsed": "of the past: an input is held for the plant's period",
-}
-MEANINGLESS = {
-    (name, field): reason
-    for field, reason, names in (
-        ("per_velocity", "refused: the velocity is the input", ("single integrator",)),
-        ("speed", "refused: no speed limit", NO_SPEED),
-        ("speed_per_velocity", "refused: no speed limit", NO_SPEED),
-    )
-    for name in names
-}  # fmt: skip
-FIELDS = (*Estimate._fields, *Uncertainty._fields)
+MEANINGLESS = {("single integrator", "per_velocity")}  # its velocity is the input
+MEANINGLESS |= {(name, field) for name in NO_SPEED for field in ("speed", "speed_per_velocity")}
+FIELDS = ("model", "lag", "covariance", *Uncertainty._fields)  # no other one is a length
 CELLS = [(name, field, size) for name in MODELS for field in FIELDS for size in SIZES]
 
 
@@ -88,9 +63,8 @@ def report_of(name, size, declared=EXACT, conditions=None, **estimate):
         axle=axle,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", True, {})
-    kind = PlanarCore if model == models.DoubleIntegrator() else ModelCore
     count = SIZES[size]
-    core = kind(plant, plant.input_set, settings, count)
+    core = FilterCore(plant, plant.input_set, settings, count)
     given = {"x": np.array(x), "heading": np.zeros(()) if axle else None, "time": np.zeros(())}
     given |= {key: np.asarray(value) for key, value in estimate.items()}
     if count is not None:  # the others declare nothing
@@ -229,48 +203,16 @@ def grown_by(name, size, field):
     return more - margins(name, size, declared, lag=lag), np.append(expected, 0.0)
 
 
-def outcome(name, field, size):
-    """Return "holds", or why a cell has no meaning."""
-    if field in NO_LENGTH:
-        return NO_LENGTH[field]
+@pytest.mark.filterwarnings("ignore:.*safety filter", "ignore::hcbf_gym.errors.CoverageWarning")
+@pytest.mark.parametrize(("name", "field", "size"), CELLS)
+def test_what_is_declared_is_reserved(name, field, size):
     if (name, field) in MEANINGLESS:
         with pytest.raises(InvalidInputError, match=f"uncertainty: {field}: got 0.3 with"):
             report_of(name, size, EXACT._replace(**{field: 0.3}))
-        return MEANINGLESS[name, field]
+        return
     found, expected = grown_by(name, size, field)
     if name not in SPEEDS:
         expected[2] = np.nan
     loose = field in ("covariance", "confidence") and name in ("unicycle", "bicycle")
     np.testing.assert_allclose(found, expected, atol=1e-6 if loose else 1e-9)
     assert np.nanmax(expected) > 0.01
-    return "holds"
-
-
-@pytest.mark.filterwarnings("ignore:.*safety filter", "ignore::hcbf_gym.errors.CoverageWarning")
-@pytest.mark.parametrize(("name", "field", "size"), CELLS)
-def test_what_is_declared_is_reserved(name, field, size):
-    outcome(name, field, size)
-
-
-def test_every_cell_holds_or_has_a_reason(capsys):
-    """Print the table; the cells themselves are tested above."""
-    fields = {"model", "lag", "covariance", *Uncertainty._fields}
-    held = [cell for cell in CELLS if cell[1] in fields and cell[:2] not in MEANINGLESS]
-    reasons = [
-        (name, field, size, NO_LENGTH.get(field) or MEANINGLESS[name, field])
-        for name, field, size in CELLS
-        if (name, field, size) not in held
-    ]
-    assert len(held) + len(reasons) == len(MODELS) * len(FIELDS) * 2
-    with capsys.disabled():
-        print(f"\n{len(held)} cells hold:")
-        for name in MODELS:
-            print(f"  {name}:", ", ".join(f for n, f, s in held if n == name and s == "single"))
-        print(f"{len(reasons)} cells have no meaning:")
-        for field in FIELDS:
-            why = {r: [n for n, f, s, q in reasons if (f, s, q) == (field, "single", r)]
-                   for *_, r in reasons}  # fmt: skip
-            for reason, names in why.items():
-                if names:
-                    where = "every model" if len(names) == len(MODELS) else ", ".join(names)
-                    print(f"  {field} ({where}): {reason}")

@@ -5,8 +5,7 @@ import pytest
 
 from hcbf_gym import models
 from hcbf_gym.barriers import Barrier, Disc, Jet
-from hcbf_gym.filter.model_core import ModelCore
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
@@ -46,8 +45,7 @@ def report_of(name, conditions, declared, count=None, **estimate):
         uncertainty=declared,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "usual", None, None, None, "warn", True, {})
-    kind = PlanarCore if name == "planar" else ModelCore
-    core = kind(plant, plant.input_set, settings, count)
+    core = FilterCore(plant, plant.input_set, settings, count)
     given = {"x": X, **estimate}
     given = {k: v if count is None else np.stack([v] * count) for k, v in given.items()}
     return core.begin(conditions, Estimate(**given), None, None)

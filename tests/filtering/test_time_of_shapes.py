@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from needs import needs
+from worlds import World
 
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
@@ -58,27 +59,12 @@ def shapes(name, at, w):
     yield OwnDisc(name, 1, at, 0.5, w)
 
 
-class Still(gym.Env):
-    """A robot that is at rest at 0, and what its user's lists hold."""
-
-    observation_space = gym.spaces.Box(-99.0, 99.0, (4,))
-
-    def __init__(self, model):
-        self.action_space = gym.spaces.Box(-5.0, 5.0, (model.n_u,), dtype=np.float64)
-        self.x, self.listed = np.zeros(model.n), []
-
-    def reset(self, *, seed=None, options=None):
-        return self.x.copy(), {}
-
-    def step(self, action):
-        return self.x.copy(), 0.0, False, False, {}
-
-
 class Wrapped:
     """A filter around an environment, whose reader returns the list."""
 
     def __init__(self, model):
-        self.env = Still(model)
+        self.env = World(model)
+        self.env.listed = []
         plant = hcbf_gym.Plant(
             model, lambda env, *_: list(env.listed), lambda env, *_: env.x.copy(), period=T
         )
@@ -101,25 +87,25 @@ class Batch:
 
     def __init__(self, how):
         self.how, self.x = how, np.zeros((3, 4))
-        self.door = BatchFilter(Box.symmetric(5.0), T, 3)
+        self.filt = BatchFilter(Box.symmetric(5.0), T, 3)
 
     def _set(self, listed):
         if self.how == "one list":
-            self.door.set_scene(listed)
+            self.filt.set_scene(listed)
         else:
-            self.door.set_scene([list(listed) for _ in range(3)])
+            self.filt.set_scene([list(listed) for _ in range(3)])
 
     def begin(self, listed):
         self._set(listed)
-        self.door.reset(x=self.x)
+        self.filt.reset(x=self.x)
         for _ in range(7):
-            self.door(np.zeros((3, 2)), self.x)
-        self.door.reset(np.array([False, False, True]), x=self.x)
+            self.filt(np.zeros((3, 2)), self.x)
+        self.filt.reset(np.array([False, False, True]), x=self.x)
         return self.step(listed)  # of the same time
 
     def step(self, listed):
         self._set(listed)
-        return self._last(self.door(np.zeros((3, 2)), self.x)[1])
+        return self._last(self.filt(np.zeros((3, 2)), self.x)[1])
 
     def _last(self, report):
         return {name: value[2] for name, value in report.items()}
@@ -130,15 +116,15 @@ class Online:
 
     def __init__(self):
         robot = Robot(Command(0.8, 1.5, sideways=0.5))
-        self.door, self.now = VelocityFilter(robot, [], period=T, radius=0.0, margin=0.0), 1.7e9
+        self.filt, self.now = VelocityFilter(robot, [], period=T, radius=0.0, margin=0.0), 1.7e9
 
     def begin(self, listed):
-        self.door.reset()
+        self.filt.reset()
         return self.step(listed)
 
     def step(self, listed):
-        self.door.set_barriers(listed)
-        _, report = self.door.step(np.zeros(3), np.zeros(3), np.zeros(3), self.now)
+        self.filt.set_barriers(listed)
+        _, report = self.filt.step(np.zeros(3), np.zeros(3), np.zeros(3), self.now)
         self.now += T
         return report
 
@@ -163,7 +149,7 @@ def expected(one, age):
 @pytest.mark.parametrize("way", WAYS)
 def test_a_new_object_is_where_it_is_put_and_the_same_object_moves_on(way):
     """Over random lists of objects of every kind that come, stay, change places and go."""
-    rng, door = np.random.default_rng(5), WAYS[way]()
+    rng, filt = np.random.default_rng(5), WAYS[way]()
     with_shapes = "wrapper" not in way or "planar" in way
     for episode in range(2):
         pool: list[Any] = []
@@ -177,7 +163,7 @@ def test_a_new_object_is_where_it_is_put_and_the_same_object_moves_on(way):
                     pool.append(Shapes("s", 1, "disc", [[*at, 0.5], [*at, 0.2]], w))
             pool = [pool[i] for i in rng.permutation(len(pool))]
             listed = [one for one in pool if rng.random() < 0.9] or [Disc("far", 1, ROOM, 1.0)]
-            report = door.step(listed) if step else door.begin(listed)
+            report = filt.step(listed) if step else filt.begin(listed)
             for one in listed:
                 since.setdefault(id(one), step)
             known = {id(one) for one in listed}
@@ -202,14 +188,14 @@ def one_of(many, j):
 @needs("jax")
 @pytest.mark.parametrize("way", WAYS)
 def test_a_reset_puts_all_back_and_a_function_reads_the_plants_clock(way):
-    door = WAYS[way]()
+    filt = WAYS[way]()
     disc = Disc("disc", 1, (5.0, 0.0), 0.5, (0.3, 0.0))
     clock = Function("clock", 1, lambda x, t: 40.0 + t + x[0])
     for _ in range(2):
-        assert door.begin([disc, clock])["h"][:2] == pytest.approx([4.5, 40.0], abs=1e-6)
+        assert filt.begin([disc, clock])["h"][:2] == pytest.approx([4.5, 40.0], abs=1e-6)
         for step in range(1, 5):
             later = Function("later", 1, lambda x, t: 50.0 + t + x[0])
-            report = door.step([disc, clock] if step < 3 else [disc, later])
+            report = filt.step([disc, clock] if step < 3 else [disc, later])
             t = step * T
             height = 40.0 if step < 3 else 50.0
             assert report["h"][:2] == pytest.approx([4.5 + 0.3 * t, height + t], abs=1e-5)
@@ -217,29 +203,29 @@ def test_a_reset_puts_all_back_and_a_function_reads_the_plants_clock(way):
 
 @pytest.mark.parametrize("kind", ["one list", "arrays"])
 def test_a_scene_counts_from_when_it_was_set(kind):
-    door, x = BatchFilter(Box.symmetric(5.0), T, 2), np.zeros((2, 4))
+    filt, x = BatchFilter(Box.symmetric(5.0), T, 2), np.zeros((2, 4))
     w = np.array([0.4, 0.0])
 
     def put(at):
         if kind == "one list":
-            door.set_scene([Disc("a", 1, (at, 0.0), 0.5, tuple(w))])
+            filt.set_scene([Disc("a", 1, (at, 0.0), 0.5, tuple(w))])
         else:
-            door.set_scene([Shapes("a", 1, "disc", [[[at, 0.0, 0.5]]] * 2, w)])
+            filt.set_scene([Shapes("a", 1, "disc", [[[at, 0.0, 0.5]]] * 2, w)])
 
     put(5.0)
-    door.reset(x=x)
-    door.reset(np.array([True, False]), x=x)
+    filt.reset(x=x)
+    filt.reset(np.array([True, False]), x=x)
     at, since = 5.0, 0
     for step in range(7):
         if step in (3, 5):
             at, since = 5.0 + step, step
             put(at)
-        _, report = door(np.zeros((2, 2)), x)
+        _, report = filt(np.zeros((2, 2)), x)
         assert report["h"] == pytest.approx(at + 0.4 * (step - since) * T - 0.5, abs=1e-9)
 
 
 def test_a_static_list_moves_on_over_a_join_where_the_plant_has_a_clock():
-    disc, env = Disc("disc", 1, (5.0, 0.0), 0.5, (0.5, 0.0)), Still(MODELS["planar"])
+    disc, env = Disc("disc", 1, (5.0, 0.0), 0.5, (0.5, 0.0)), World(MODELS["planar"])
     env.time = 0.0
 
     def state(env, *_):
@@ -288,11 +274,11 @@ def test_the_shipped_scenes_count_from_the_reset(scenario, seed):
         x, t = inner.estimate.x.copy(), inner.time
         if step == 30:
             late = wrappers.SafetyFilter(env)
-            _, said = late.join(observation, dict(info))
-            told = said["safety_filter"]["h"]
-            np.testing.assert_allclose(told, [one.h(x, t) for one in inner.barriers], atol=1e-9)
+            _, answers = late.join(observation, dict(info))
+            reported = answers["safety_filter"]["h"]
+            np.testing.assert_allclose(reported, [one.h(x, t) for one in inner.barriers], atol=1e-9)
         observation, *_, info = (late or filtered).step(np.array([1.0, 0.5]))
-        told = info["safety_filter"]["h"]
-        np.testing.assert_allclose(told, [one.h(x, t) for one in inner.barriers], atol=1e-9)
+        reported = info["safety_filter"]["h"]
+        np.testing.assert_allclose(reported, [one.h(x, t) for one in inner.barriers], atol=1e-9)
     moving = [one for one in inner.scenario.barriers if isinstance(one, PlanarBarrier)]
     assert any(one.frame_velocity.any() for one in moving) == (scenario == "random-moving")

@@ -18,8 +18,8 @@ FAR = Disc("far", 1, center=(90.0, 0.0), radius=1.0)
 class Jittering(gym.Env):
     """A plant of any model that is sampled after times that vary."""
 
-    def __init__(self, model, told):
-        self.model, self.told = model, told
+    def __init__(self, model, reported):
+        self.model, self.reported = model, reported
         self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float64)
         self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
         self.plant = hcbf_gym.Plant(
@@ -27,7 +27,7 @@ class Jittering(gym.Env):
         )
 
     def sample(self):
-        return Estimate(self.x.copy(), self.time, elapsed=self.elapsed if self.told else None)
+        return Estimate(self.x.copy(), self.time, elapsed=self.elapsed if self.reported else None)
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -40,11 +40,11 @@ class Jittering(gym.Env):
         return self.x.copy(), 0.0, False, False, {}
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("reported", [True, False])
 @pytest.mark.parametrize("model", [models.DoubleIntegrator(), models.Unicycle()])
 @pytest.mark.filterwarnings("ignore")
-def test_a_varying_period_alarms_only_where_it_is_not_reported(model, told):
-    env = hcbf_gym.wrappers.SafetyFilter(Jittering(model, told), allow_late_inputs=True)
+def test_a_varying_period_alarms_only_where_it_is_not_reported(model, reported):
+    env = hcbf_gym.wrappers.SafetyFilter(Jittering(model, reported), allow_late_inputs=True)
     env.reset(seed=0)
     rng, action, reasons = np.random.default_rng(0), np.zeros(2), set()
     for k in range(200):
@@ -52,7 +52,7 @@ def test_a_varying_period_alarms_only_where_it_is_not_reported(model, told):
             action = rng.uniform(-1.0, 1.0, 2)
         *_, info = env.step(action)
         reasons.add(int(info["safety_filter"]["reason"]))
-    assert (reasons == {Reason.NONE}) == told
+    assert (reasons == {Reason.NONE}) == reported
 
 
 @pytest.mark.parametrize("age", [0.0, np.inf])
@@ -63,7 +63,7 @@ def test_a_varying_period_alarms_only_where_it_is_not_reported(model, told):
 def test_a_time_between_samples_that_is_none_brakes_and_no_model_carries_a_state_away(
     model, solver, elapsed, age
 ):
-    env = Jittering(model, told=True)
+    env = Jittering(model, reported=True)
     env = hcbf_gym.wrappers.SafetyFilter(env, solver=solver, allow_late_inputs=True)
     env.reset(seed=0)
     env.step(np.ones(2))
@@ -82,7 +82,7 @@ def test_a_time_between_samples_that_is_none_brakes_and_no_model_carries_a_state
 @pytest.mark.filterwarnings("ignore")
 def test_a_state_that_would_be_carried_beyond_all_bounds_is_not_known():
     model = models.DoubleIntegrator()
-    env = hcbf_gym.wrappers.SafetyFilter(Jittering(model, told=True))
+    env = hcbf_gym.wrappers.SafetyFilter(Jittering(model, reported=True))
     env.reset(seed=0)
     env.unwrapped.sample = lambda: Estimate(np.array([9.9e3, 0.0, 9.9e3, 0.0]), elapsed=0.02)
     env.step(np.ones(2))

@@ -23,8 +23,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filter.model_core import ModelCore
-from hcbf_gym.filter.planar_core import PlanarCore
+from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
@@ -158,8 +157,7 @@ def core_of(robot, program, guidance, batch):
                   axle=axle)  # fmt: skip
     led = {"kind": "geodesic", "through": 2} if guidance == "through" else guidance
     settings = FilterSettings(program, "held", led, None, solver, "warn", True, {})
-    kind = PlanarCore if model == models.DoubleIntegrator() else ModelCore
-    return kind(plant, u, settings, batch)
+    return FilterCore(plant, u, settings, batch)
 
 
 def estimate(rng, robot, x, t):

@@ -7,6 +7,7 @@ import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.models.plant import Estimate
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
 from hcbf_robots.online import VelocityFilter
@@ -99,7 +100,8 @@ def test_barriers_set_twice_between_two_steps_are_compared_with_those_of_a_step(
         safe.step(still, (5.5, 4.0, 0.0), still, 0.05 * k)
     kept = []
     for at in (5.77, 5.765):  # far enough to be met by 5 mm, and then too near by as much
-        core._take_barriers([*wall(at, False), *safe._scene()[1:]], None)
-        kept.append(float(core._samples.plants["kept"][0]))
-    assert kept[0] == pytest.approx(0.5 - 0.2 - core.uncertainty.distance, abs=0.01)
+        scene = [*wall(at, False), *safe._scene()[1:]]
+        core.scenes.take(scene, Estimate(np.zeros(4), time=0.0), None)
+        kept.append(float(core.samples.plants["kept"][0]))
+    assert kept[0] == pytest.approx(0.5 - 0.2 - core.made.uncertainty.distance, abs=0.01)
     assert kept[1] == kept[0]

@@ -223,9 +223,9 @@ class Batched:
         calm = np.array([[-3.0, 0.0, 0.0, 0.0]] * count)
 
         def state(*_):
-            told = world.estimate()
-            each = [Estimate(x, time=told_time(world)) for x in calm]
-            each[1] = told
+            reported = world.estimate()
+            each = [Estimate(x, time=time_of(world)) for x in calm]
+            each[1] = reported
             return stacked(each)
 
         plant = hcbf_gym.Plant(
@@ -259,11 +259,11 @@ class Batched:
 
 
 def is_scene(report):
-    """Whether it is the barriers, which the three share, that are not believed."""
+    """Whether it is the barriers, which the three share, that are not accepted."""
     return report["reason"][0] == hcbf_gym.models.plant.Reason.BARRIERS
 
 
-def told_time(world):
+def time_of(world):
     return T * world.steps
 
 
@@ -302,13 +302,13 @@ class Driven:
 
     def step(self, u=AHEAD):
         world = self.world
-        told = world.estimate()
+        reported = world.estimate()
         self.filter.barriers = self.input(world.scene)
-        pose = None if told.x is None else (told.x[0], told.x[1], 0.0)
-        twist = None if told.x is None else (told.x[2], told.x[3], 0.0)
+        pose = None if reported.x is None else (reported.x[0], reported.x[1], 0.0)
+        twist = None if reported.x is None else (reported.x[2], reported.x[3], 0.0)
         wanted = (3.0 * np.sign(u[0]), 0.0, 0.0)
-        now = None if told.age is None else told.time + told.age
-        command, report = self.filter.step(wanted, pose, twist, told.time, now)
+        now = None if reported.age is None else reported.time + reported.age
+        command, report = self.filter.step(wanted, pose, twist, reported.time, now)
         world.move(np.clip((command[:2] - world.x[2:]) / T, -LIMIT, LIMIT))
         return report
 

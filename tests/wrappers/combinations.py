@@ -103,7 +103,7 @@ def towards(world):
     return world.scene.distance(np.array([*x, 0, 0]), t) - np.array(near)
 
 
-def combination(seed, told):
+def combination(seed, reported):
     """Run one combination; return what was entered under a calm status, "" for nothing."""
     rng = np.random.default_rng([77, seed])
     while True:
@@ -121,7 +121,7 @@ def combination(seed, told):
         filtered = filter_of(name, core, world, guidance=guidance, goal=goal, program=str(program))
         quietly(filtered.reset)
     except HcbfError:
-        told["refused"] += 1
+        reported["refused"] += 1
         return ""
     at, hostile = int(rng.integers(5, STEPS // 2)), rng.random() < 0.6
     lasts = int(rng.integers(1, 15))
@@ -148,8 +148,8 @@ def combination(seed, told):
             world.scene = drawn(rng, world.x[:2], name, count)
         before = world.scene.distance(world.x, T * world.steps)
         report = quietly(filtered.step, u)
-        told[FilterStatus(report["status"]).name] += 1
-        told["entered"] += world.entered or before < 0.0
+        reported[FilterStatus(report["status"]).name] += 1
+        reported["entered"] += world.entered or before < 0.0
         calm = report["status"] < CALM
         if calm and (world.entered or before < -1e-6):
             deep = world.scene.distance(world.x, T * world.steps)
@@ -164,13 +164,13 @@ def combination(seed, told):
 def main(count, first=0):
     """Run so many combinations; fail where one is entered under a calm status."""
     warnings.simplefilter("ignore")
-    told, found = Counter(), []
+    reported, found = Counter(), []
     for seed in range(first, first + count):
-        entered = combination(seed, told)
+        entered = combination(seed, reported)
         if entered:
             found.append(entered)
             print(entered, flush=True)
-    print(dict(told))
+    print(dict(reported))
     if found:
         raise SystemExit(f"{len(found)} of {count} combinations were entered under a calm status")
 

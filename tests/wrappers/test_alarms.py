@@ -38,16 +38,16 @@ def test_the_users_brake_is_asked_with_a_state_that_is_known_and_may_change_its_
         x[:] = np.nan
         return np.array([-1.0, 0.0])
 
-    told = [None]
-    env = filtered(lambda x: told[0], brake=brake, on_alarm="brake")
+    reported = [None]
+    env = filtered(lambda x: reported[0], brake=brake, on_alarm="brake")
     with pytest.warns(UserWarning, match="not finite"):
         env.reset(seed=0)
     np.testing.assert_array_equal(quietly(env)["u_safe"], [0.0, 0.0])
     assert not asked
-    told[0] = Estimate(np.array([0.0, 0.0, 0.5, 0.0]), time=1.0, fault=int(Reason.SLIP))
+    reported[0] = Estimate(np.array([0.0, 0.0, 0.5, 0.0]), time=1.0, fault=int(Reason.SLIP))
     report = quietly(env)
     np.testing.assert_array_equal(report["u_safe"], [-1.0, 0.0])
-    np.testing.assert_array_equal(asked, [told[0].x])
+    np.testing.assert_array_equal(asked, [reported[0].x])
     assert report["status"] == FilterStatus.BACKUP
     assert not report["slack"].any()
 
@@ -83,11 +83,11 @@ SENSORS = {
 def late(steps):
     waiting = [np.zeros(2)] * steps
 
-    def told(x):
+    def reported(x):
         waiting.append(x[:2].copy())
         return np.array([*waiting.pop(0), *x[2:]])
 
-    return told
+    return reported
 
 
 def seconds_until_warned(sensor, policy, most=3.0):

@@ -60,18 +60,18 @@ class Run:
         self.core = core
         self.world = world_of(core)
         self.filter = filter_of(name, core, self.world, **options)
-        self.entries = self.unsaid = 0
+        self.entries = self.unreported = 0
         quietly(self.filter.reset)
 
     def step(self, u=AHEAD):
         report = quietly(self.filter.step, u)
         status = report["status"]
         self.entries += self.world.entered
-        self.unsaid += self.world.entered and status < CALM
+        self.unreported += self.world.entered and status < CALM
         assert np.isfinite(report["u_safe"]).all()
         if self.core != "velocity filter":  # whose margins may be consumed
             assert report["proved"] == (status < CALM) or status >= CALM
-        assert not (self.unsaid), f"entered under {FilterStatus(status).name}"
+        assert not (self.unreported), f"entered under {FilterStatus(status).name}"
         return report
 
     def steps(self, count, u=AHEAD):
@@ -224,7 +224,7 @@ def with_x(value):
     return lambda truth: truth._replace(x=np.where([0, 1, 0, 0], value, truth.x))
 
 
-BENT = np.eye(4) + 2.0 * (1 - np.eye(4))
+MALFORMED = np.eye(4) + 2.0 * (1 - np.eye(4))
 SKEW = np.diag([1e-4] * 4) + 1e-5 * np.eye(4, k=1)
 INDEFINITE = np.eye(4) * 1.6 - 0.6  # no pair is, all four together are
 FAULTS = {
@@ -237,7 +237,7 @@ FAULTS = {
     "no time": of_state(lambda e: e._replace(time=np.nan), Reason.CLOCK),
     "masked": of_state(lambda e: e._replace(x=np.ma.array(e.x, mask=[1, 0, 0, 0])), Reason.STATE),
     "negative covariance": of_state(lambda e: e._replace(covariance=-np.eye(4)), Reason.STATE),
-    "malformed covariance": of_state(lambda e: e._replace(covariance=BENT), Reason.STATE),
+    "malformed covariance": of_state(lambda e: e._replace(covariance=MALFORMED), Reason.STATE),
     "skew covariance": of_state(lambda e: e._replace(covariance=SKEW), Reason.STATE),
     "indefinite covariance": of_state(lambda e: e._replace(covariance=INDEFINITE), Reason.STATE),
     "raises": raises,

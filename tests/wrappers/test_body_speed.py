@@ -10,21 +10,12 @@ from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.worlds import boat
 
 BARRIERS = [SpeedLimit("cap", 1, 1.0), Disc("far", 1, (50.0, 0.0), 1.0)]
 CART = Axle(look_ahead=0.25, forward=3.0, turn=5.0, braking=3.0)
 ASIDE = 0.75
 """How fast the point before a cart's axle goes aside: the cart turns at 3 rad/s."""
-
-
-def boat():
-    return models.ControlAffine(
-        lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
-        lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),
-        n=4,
-        n_u=2,
-        velocity_at=2,
-    )
 
 
 MODELS = {

@@ -4,7 +4,6 @@ import math
 import re
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,13 +15,14 @@ from hcbf_gym.barriers import Barrier, Disc, HalfPlane, Jet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
+from tests.worlds import World
 
 T = 0.05
 POINT = models.DoubleIntegrator()
 MODELS = (models.DoubleIntegrator(), models.DoubleIntegrator(drag=0.1))
 ISLAND = Disc("island", 1, center=(3.0, 0.0), radius=1.0)
 PUSH = np.array([2.0, 0.0])
-BENT = [
+MALFORMED = [
     None,
     "north",
     True,
@@ -46,40 +46,20 @@ def label(value):
     return re.sub(r" at 0x\w+", "", repr(value))
 
 
-class World(gym.Env):
-    """A plant that is its model, whose reader says what the test wants."""
-
-    def __init__(self, limit=2.0):
-        self.model = model = POINT
-        self.action_space = gym.spaces.Box(-limit, limit, (model.n_u,), dtype=np.float64)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), dtype=np.float64)
-        self.applied = []
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(self.model.n)
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.applied.append(np.array(action))
-        self.x = self.model.step(self.x, action, T)
-        return self.x.copy(), 0.0, False, False, {}
-
-
 class Reader:
     """Returns the truth, or for one call what `sends` holds."""
 
     def __init__(self):
-        self.says = []
+        self.sends = []
 
     def __call__(self, env, observation, info):
-        return self.says.pop(0) if self.says else env.x.copy()
+        return self.sends.pop(0) if self.sends else env.x.copy()
 
 
 def filtered(barriers=(ISLAND,), **plant):
     reader = Reader()
     fields = {"period": T, **plant}
-    world = World()
+    world = World(POINT, T, limit=2.0)
     env = wrappers.SafetyFilter(
         world,
         "lex-cbf-qp",
@@ -101,13 +81,13 @@ def steps(env, count, action=PUSH):
     return infos[-1]
 
 
-def said(info):
+def answers(info):
     report = info["safety_filter"]
     return FilterStatus(report["status"]), Reason(report["reason"])
 
 
 def braked(info):
-    return said(info)[0] == FilterStatus.BACKUP
+    return answers(info)[0] == FilterStatus.BACKUP
 
 
 def moving(**arguments):
@@ -119,27 +99,27 @@ def moving(**arguments):
     return env, reader, world
 
 
-@pytest.mark.parametrize("bent", BENT, ids=label)
-def test_an_invalid_state_brakes_at_once_and_the_filter_continues_after_it(bent):
+@pytest.mark.parametrize("malformed", MALFORMED, ids=label)
+def test_an_invalid_state_brakes_at_once_and_the_filter_continues_after_it(malformed):
     env, reader, world = moving()
     speed = world.x[2]
-    reader.says = [bent]
+    reader.sends = [malformed]
     with pytest.warns(UserWarning, match="the filter brakes until that ends"):
         *_, info = env.step(PUSH)
-    assert said(info) == (FilterStatus.BACKUP, Reason.STATE)
+    assert answers(info) == (FilterStatus.BACKUP, Reason.STATE)
     assert world.applied[-1][0] == -2.0
     assert world.x[2] < speed
     *_, info = env.step(PUSH)
-    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+    assert answers(info) == (FilterStatus.NOMINAL, Reason.NONE)
     np.testing.assert_array_equal(world.applied[-1], PUSH)
-    reader.says = [bent]
+    reader.sends = [malformed]
     *_, info = env.step(PUSH)  # the warning came once
-    assert said(info) == (FilterStatus.BACKUP, Reason.STATE)
+    assert answers(info) == (FilterStatus.BACKUP, Reason.STATE)
 
 
 def test_without_sensors_the_plant_stops_by_its_model_and_stands():
     env, reader, world = moving()
-    reader.says = [None] * 40
+    reader.sends = [None] * 40
     with pytest.warns(UserWarning, match="not finite"):
         info = steps(env, 40)
     np.testing.assert_allclose(world.x[2:], 0.0, atol=1e-3)
@@ -180,12 +160,12 @@ def test_without_sensors_the_plant_stops_by_its_model_and_stands():
 @pytest.mark.filterwarnings("ignore:safety filter")
 def test_every_part_of_an_estimate_is_looked_at_as_it_is_at_a_reset(fields, reason):
     env, reader, world = moving(max_age=0.1)
-    reader.says = [Estimate(world.x.copy())._replace(**fields)]
+    reader.sends = [Estimate(world.x.copy())._replace(**fields)]
     *_, info = env.step(PUSH)
-    assert (braked(info), said(info)[1]) == (bool(reason), reason)
-    reader.says = [Estimate(np.zeros(4))._replace(**fields)]
+    assert (braked(info), answers(info)[1]) == (bool(reason), reason)
+    reader.sends = [Estimate(np.zeros(4))._replace(**fields)]
     _, info = env.reset(seed=0)
-    assert (braked(info), said(info)[1]) == (bool(reason), reason)
+    assert (braked(info), answers(info)[1]) == (bool(reason), reason)
 
 
 def test_a_clock_that_is_at_rest_brakes_until_it_advances():
@@ -193,7 +173,7 @@ def test_a_clock_that_is_at_rest_brakes_until_it_advances():
     times = [0.0, 0.0, 0.05, 0.05, 0.02, 0.1]  # the first two are of the reset and its first step
     reasons = []
     for k, time in enumerate(times):
-        reader.says = [Estimate(np.zeros(4) if k == 0 else world.x.copy(), time)]
+        reader.sends = [Estimate(np.zeros(4) if k == 0 else world.x.copy(), time)]
         if k == 0:
             _, info = env.reset(seed=0)
         elif k == 3:
@@ -201,7 +181,7 @@ def test_a_clock_that_is_at_rest_brakes_until_it_advances():
                 *_, info = env.step(PUSH)
         else:
             *_, info = env.step(PUSH)
-        reasons.append(said(info)[1])
+        reasons.append(answers(info)[1])
     assert reasons == [0, 0, 0, Reason.CLOCK, Reason.CLOCK, 0]
 
 
@@ -216,7 +196,7 @@ def test_a_plant_declares_how_it_brakes_and_nonsense_from_it_is_the_input_neares
         (None, None, (0.0, 0.0)),
     ):
         env, reader, world = moving(brake=brake, period=period)
-        reader.says = [None]
+        reader.sends = [None]
         with pytest.warns(UserWarning, match="brakes"):
             env.step(PUSH)
         np.testing.assert_allclose(world.applied[-1], expected, atol=1e-12)
@@ -225,10 +205,10 @@ def test_a_plant_declares_how_it_brakes_and_nonsense_from_it_is_the_input_neares
 def test_before_the_first_good_state_it_applies_what_the_plant_declared_or_nothing():
     for brake, expected in (([-1.0, 0.0], -1.0), (None, 0.0), (lambda x: [-1.0, 0.0], 0.0)):
         env, reader, world = filtered(brake=brake)
-        reader.says = [None, None]
+        reader.sends = [None, None]
         with pytest.warns(UserWarning, match="brakes"):
             _, info = env.reset(seed=0)
-        assert said(info) == (FilterStatus.BACKUP, Reason.STATE)
+        assert answers(info) == (FilterStatus.BACKUP, Reason.STATE)
         env.step(PUSH)
         assert world.applied[-1][0] == expected
 
@@ -237,14 +217,14 @@ def test_before_the_first_good_state_it_applies_what_the_plant_declared_or_nothi
 class Own(Barrier):
     """A user's own barrier, which returns what it is given."""
 
-    says: object = None
+    sends: object = None
 
     def jet(self, x, t=0.0):
         good = Jet(5.0 - x[0], np.array([-1.0, 0, 0, 0]), np.zeros((4, 4)), 0.0, np.zeros(4), 0.0)
-        return good if self.says is None else self.says(good)
+        return good if self.sends is None else self.sends(good)
 
 
-BENT_BARRIERS = [
+MALFORMED_BARRIERS = [
     None,
     "wall",
     7,
@@ -264,35 +244,35 @@ BENT_BARRIERS = [
 ]
 
 
-@pytest.mark.parametrize("bent", BENT_BARRIERS, ids=label)
-def test_barriers_that_are_none_brake_at_a_reset_and_in_a_step(bent):
+@pytest.mark.parametrize("malformed", MALFORMED_BARRIERS, ids=label)
+def test_barriers_that_are_none_brake_at_a_reset_and_in_a_step(malformed):
     given = [[ISLAND]]
     env, _, world = filtered(barriers=lambda env, observation, info: given[0])
     env.reset(seed=0)
     env.step(PUSH)
-    given[0] = bent
+    given[0] = malformed
     with pytest.warns(UserWarning, match="not finite or not barriers"):
         *_, info = env.step(PUSH)
-    assert said(info) == (FilterStatus.BACKUP, Reason.BARRIERS)
+    assert answers(info) == (FilterStatus.BACKUP, Reason.BARRIERS)
     assert world.applied[-1][0] < 0.0
     _, info = env.reset(seed=0)
-    assert said(info) == (FilterStatus.BACKUP, Reason.BARRIERS)
+    assert answers(info) == (FilterStatus.BACKUP, Reason.BARRIERS)
     given[0] = [ISLAND]
     *_, info = env.step(PUSH)
-    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+    assert answers(info) == (FilterStatus.NOMINAL, Reason.NONE)
 
 
-@pytest.mark.parametrize("bent", BENT_BARRIERS[:8], ids=label)
-def test_what_does_not_change_is_refused_at_construction(bent):
+@pytest.mark.parametrize("malformed", MALFORMED_BARRIERS[:8], ids=label)
+def test_what_does_not_change_is_refused_at_construction(malformed):
     with pytest.raises(InvalidInputError, match="expected"):
-        filtered(barriers=bent)
+        filtered(barriers=malformed)
 
 
 def test_an_empty_list_is_nothing_to_keep():
     env, _, world = filtered(barriers=lambda env, observation, info: [])
     for policy in (PUSH, 3.0 * PUSH):
         _, info = env.reset(seed=0)
-        assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+        assert answers(info) == (FilterStatus.NOMINAL, Reason.NONE)
         *_, info = env.step(policy)
         np.testing.assert_allclose(world.applied[-1], PUSH)
         assert info["safety_filter"]["slack"].shape == (0,)
@@ -301,17 +281,17 @@ def test_an_empty_list_is_nothing_to_keep():
 @pytest.mark.parametrize("on_alarm", ["warn", "brake"])
 def test_an_alarm_of_the_plant_lasts_until_the_reset(on_alarm):
     env, reader, world = moving(on_alarm=on_alarm)
-    reader.says = [Estimate(world.x.copy(), fault=np.int64(Reason.SLIP))]
+    reader.sends = [Estimate(world.x.copy(), fault=np.int64(Reason.SLIP))]
     with pytest.warns(UserWarning, match="until the next reset"):
         env.step(PUSH)
     for _ in range(20):
         *_, info = env.step(0.1 * PUSH)
-        status, reason = said(info)
+        status, reason = answers(info)
         assert reason == Reason.SLIP
         assert (status == FilterStatus.BACKUP) == (on_alarm == "brake")
     assert (abs(world.x[2]) < 1e-2) == (on_alarm == "brake")
     _, info = env.reset(seed=0)
-    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
+    assert answers(info) == (FilterStatus.NOMINAL, Reason.NONE)
 
 
 def test_a_plant_that_does_not_apply_its_input_is_an_alarm():
@@ -320,14 +300,14 @@ def test_a_plant_that_does_not_apply_its_input_is_an_alarm():
     world.model = models.ControlAffine(lambda x: POINT.f(x), lambda x: 0.2 * POINT.g(x), n=4, n_u=2)
     with pytest.warns(UserWarning, match="does not apply what the filter chose"):
         info = steps(env, 30)
-    assert said(info) == (FilterStatus.BACKUP, Reason.INPUT)
+    assert answers(info) == (FilterStatus.BACKUP, Reason.INPUT)
 
 
 def test_a_report_has_the_same_keys_and_types_whatever_happens():
     env, reader, _ = filtered()
     _, first = env.reset(seed=0)
     *_, second = env.step(PUSH)
-    reader.says = [None]
+    reader.sends = [None]
     with pytest.warns(UserWarning, match="brakes"):
         *_, third = env.step(PUSH)
     for info in (second, third):
@@ -343,17 +323,17 @@ def test_an_unknown_period_is_a_warning_and_no_error():
         env, reader, world = filtered(period=None)
     env.reset(seed=0)
     *_, info = env.step(PUSH)
-    assert said(info) == (FilterStatus.NOMINAL, Reason.NONE)
-    reader.says = [None]
+    assert answers(info) == (FilterStatus.NOMINAL, Reason.NONE)
+    reader.sends = [None]
     with pytest.warns(UserWarning, match="brakes"):
         env.step(PUSH)
     np.testing.assert_array_equal(world.applied[-1], 0.0)
 
 
-bent_numbers = st.one_of(
+odd_numbers = st.one_of(
     st.none(), st.booleans(), st.text(max_size=3), st.floats(), st.integers(), st.complex_numbers()
 )
-anything = st.recursive(bent_numbers, lambda inner: st.lists(inner, max_size=5), max_leaves=8)
+anything = st.recursive(odd_numbers, lambda inner: st.lists(inner, max_size=5), max_leaves=8)
 
 
 @settings(max_examples=150, deadline=None)
@@ -362,9 +342,9 @@ anything = st.recursive(bent_numbers, lambda inner: st.lists(inner, max_size=5),
 def test_nothing_that_is_not_finite_is_ever_nominal(values, field):
     env, reader, world = moving(max_age=0.1)
     for value in values:
-        reader.says = [Estimate(world.x.copy())._replace(**{field: value})]
+        reader.sends = [Estimate(world.x.copy())._replace(**{field: value})]
         *_, info = env.step(PUSH)
-        status, reason = said(info)
+        status, reason = answers(info)
         assert np.isfinite(world.applied[-1]).all()
         assert (status == FilterStatus.BACKUP) == (Reason.NONE < reason < Reason.INPUT)
         if field == "x":
@@ -388,6 +368,6 @@ def test_no_malformed_jet_becomes_a_row(field, value):
         return
     *_, info = env.step(PUSH)
     assert np.isfinite(world.applied[-1]).all()
-    status, reason = said(info)
+    status, reason = answers(info)
     if field in ("gradient", "hessian", "gradient_rate"):
         assert (status, reason) == (FilterStatus.BACKUP, Reason.BARRIERS)

@@ -14,6 +14,7 @@ from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.plant import Coverage, Reason
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.worlds import World
 
 N, T = 3, 0.05
 DISC = [Disc("pillar", 1, center=(3.0, 0.0), radius=0.5)]
@@ -47,22 +48,11 @@ class Sensor:
         return read
 
 
-class One(gym.Env):
-    observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
-    action_space = gym.spaces.Box(-2.0, 2.0, (2,), np.float64)
-
-    def reset(self, *, seed=None, options=None):
-        return np.zeros(1, np.float32), {}
-
-    def step(self, action):
-        return np.zeros(1, np.float32), 0.0, False, False, {}
-
-
 class Many(VectorEnv):
     num_envs, metadata = N, {"autoreset_mode": AutoresetMode.NEXT_STEP}
-    single_action_space = One.action_space
-    action_space = batch_space(One.action_space, N)
-    single_observation_space = One.observation_space
+    single_action_space = World(limit=2.0).action_space
+    action_space = batch_space(single_action_space, N)
+    single_observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
 
     def reset(self, *, seed=None, options=None):
         return np.zeros((N, 1), np.float32), {}
@@ -76,7 +66,7 @@ class Many(VectorEnv):
 @pytest.mark.parametrize("many", [False, True])
 def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
     sensor = Sensor(many)
-    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, One())
+    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, World(limit=2.0))
     safe = wrap(env, plant=sensor.plant, guidance="geodesic")
     action = np.zeros((N, 2)) if many else np.zeros(2)
     sensor.raises = name
@@ -91,8 +81,8 @@ def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
         info = safe.step(action)[4]
     assert np.all(info["safety_filter"]["reason"] == REASONS[name])
     _, info = safe.reset()
-    said = [str(one.message) for one in warned]
-    assert sum(f"reader of the {name} raised KeyError" in one for one in said) == 1
+    answers = [str(one.message) for one in warned]
+    assert sum(f"reader of the {name} raised KeyError" in one for one in answers) == 1
     assert np.all(info["safety_filter"]["reason"] == REASONS[name])
     assert not np.any(info["safety_filter"]["covered"])
     sensor.raises = ""
@@ -111,17 +101,17 @@ def test_the_message_names_the_reader():
 
 @pytest.mark.parametrize("many", [False, True])
 def test_covered_is_read_at_every_step_and_ends_within_an_episode(many):
-    said = [Coverage.COVERED]
+    answers = [Coverage.COVERED]
     sensor = Sensor(many)
-    plant = dataclasses.replace(sensor.plant, covered=lambda *_: said[0])
-    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, One())
+    plant = dataclasses.replace(sensor.plant, covered=lambda *_: answers[0])
+    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, World(limit=2.0))
     safe = wrap(env, plant=plant)
     action = np.zeros((N, 2)) if many else np.zeros(2)
     _, info = safe.reset()
     began = np.unique(info["safety_filter"]["covered"]).tolist()
     found = []
     for now in (Coverage.COVERED, Coverage.OUTSIDE, Coverage.COVERED):
-        said[0] = now
+        answers[0] = now
         found.append(np.unique(safe.step(action)[4]["safety_filter"]["covered"]).tolist())
     assert found == [began, [Coverage.OUTSIDE], [Coverage.OUTSIDE]]
     assert np.unique(safe.reset()[1]["safety_filter"]["covered"]).tolist() == began

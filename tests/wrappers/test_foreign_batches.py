@@ -116,23 +116,23 @@ def test_each_plant_is_filtered_as_alone_and_begins_anew(mode, threads):
         actions = rng.uniform(-5.0, 5.0, (N, 2))
         skipped = envs.unwrapped.over.copy()  # NEXT_STEP begins these anew, whatever the action is
         observation, _, ended, _, info = envs.step(actions)
-        told = info["safety_filter"]
+        reported = info["safety_filter"]
         for i, one in enumerate(singles):
             if not skipped[i]:
-                own, *_, said = one.step(actions[i])
-                said = said["safety_filter"]
+                own, *_, answers = one.step(actions[i])
+                answers = answers["safety_filter"]
                 if ended[i] and mode is AutoresetMode.SAME_STEP:
                     final = info["final_info"]["safety_filter"]
-                    np.testing.assert_array_equal(final["u_safe"][i], said["u_safe"])
-                    _, said = one.reset()
-                    said, begun = said["safety_filter"], begun + 1
+                    np.testing.assert_array_equal(final["u_safe"][i], answers["u_safe"])
+                    _, answers = one.reset()
+                    answers, begun = answers["safety_filter"], begun + 1
                     own = one.unwrapped.x
                 np.testing.assert_array_equal(observation[i], own)
             else:
-                _, said = one.reset()
-                said, begun = said["safety_filter"], begun + 1
-            for key, value in said.items():
-                np.testing.assert_array_equal(told[key][i], value, err_msg=key)
+                _, answers = one.reset()
+                answers, begun = answers["safety_filter"], begun + 1
+            for key, value in answers.items():
+                np.testing.assert_array_equal(reported[key][i], value, err_msg=key)
     assert begun >= 15
 
 

@@ -9,8 +9,8 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers.unknown import largest
 from hcbf_gym.filter import plants, report
-from hcbf_gym.filter.model_core import driven_alone
-from hcbf_gym.filter.state_check import State
+from hcbf_gym.filter.model_rows import driven_alone
+from hcbf_gym.filter.samples import State
 from hcbf_gym.models import (
     Box,
     ControlAffine,
@@ -95,7 +95,7 @@ def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, driv
     model, u_set = PLANTS[name]
     plant = np.zeros(1, dtype=plants.plant_dtype(model.n_u))
     plant["elapsed"] = T
-    told = np.zeros(1, dtype=report.plant_dtype(model.n_u))
+    reported = np.zeros(1, dtype=report.plant_dtype(model.n_u))
     n = model.n
     states = State(*(np.zeros((1, *shape)) for shape in ((n,), (n,), (n,), (n, n), (n,))))
     states.covariance[:] = 0.0 if spread is None else spread
@@ -107,7 +107,7 @@ def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, driv
     constants = np.zeros(plants.CONSTANTS.itemsize // 8)
     watching = _core.Filter(constants, np.zeros(0), numbers_of(plant), 1)
     watching.set_states(*states)
-    watching.set_report(numbers_of(told), np.zeros((1, 0)))
+    watching.set_report(numbers_of(reported), np.zeros((1, 0)))
     x, asked = np.zeros(n), inputs(u_set, seed, count)
     past, u = [], np.zeros(model.n_u)
     for k in range(count):

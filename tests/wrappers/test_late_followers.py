@@ -50,9 +50,9 @@ class Late(gym.Env):
     def step(self, action):
         self._velocity = self._velocity + PERIOD * np.asarray(action)
         yaw = self._driven.pose[2]
-        told = self._adapter.command(*self._velocity, yaw, self._driven.velocity[2])
+        reported = self._adapter.command(*self._velocity, yaw, self._driven.velocity[2])
         self.nearest = min(
-            min(1.5 - x, 1.2 - y) for x, y in self._driven.drive(np.array(told), PERIOD)
+            min(1.5 - x, 1.2 - y) for x, y in self._driven.drive(np.array(reported), PERIOD)
         )
         return np.zeros(4, np.float32), 0.0, False, False, {}
 

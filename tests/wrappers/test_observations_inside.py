@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import SyncVectorEnv
-from point_mass import DISC, Point
+from point_mass import DISC, point
 
 import hcbf_gym
 from hcbf_gym import models, wrappers
@@ -120,11 +120,11 @@ def plant(state, listed=(DISC,)):
 
 @pytest.mark.parametrize("name", WRAPPERS)
 def test_a_wrapper_inside_that_transforms_what_the_plant_reads_is_named(name):
-    inside = gym.wrappers.RecordEpisodeStatistics(WRAPPERS[name](Point()))
+    inside = gym.wrappers.RecordEpisodeStatistics(WRAPPERS[name](point()))
     with pytest.raises(InvalidInputError, match=rf"got a {name} inside.*{name}\(filtered, …\)"):
         wrappers.SafetyFilter(inside, plant=plant(READING["a lambda"]))
     wrappers.SafetyFilter(inside, plant=plant(NOT_READING["the environment"]))
-    outside = WRAPPERS[name](wrappers.SafetyFilter(Point(), plant=plant(READING["a lambda"])))
+    outside = WRAPPERS[name](wrappers.SafetyFilter(point(), plant=plant(READING["a lambda"])))
     outside.reset(seed=0)
     outside.step(np.ones(2))
 
@@ -137,7 +137,7 @@ def test_each_reader_of_the_plant_counts(field):
         | {field: lambda env, observation, info: observation}
     )
     with pytest.raises(InvalidInputError, match=f"whose {field} may read"):
-        wrappers.SafetyFilter(gym.wrappers.NormalizeObservation(Point()), plant=reads)
+        wrappers.SafetyFilter(gym.wrappers.NormalizeObservation(point()), plant=reads)
 
 
 def test_wrappers_of_and_in_a_vector_environment_are_named():
@@ -145,12 +145,12 @@ def test_wrappers_of_and_in_a_vector_environment_are_named():
         models.DoubleIntegrator(), [DISC], READING["a lambda"], models.Box.symmetric(5.0),
         period=0.02,
     )  # fmt: skip
-    singles = [Point, Point]
+    singles = [point, point]
     for env in (
         gym.wrappers.vector.NormalizeObservation(SyncVectorEnv(singles)),
         gym.wrappers.vector.TransformObservation(SyncVectorEnv(singles), lambda seen: 0.1 * seen),
         gym.wrappers.vector.DtypeObservation(SyncVectorEnv(singles), np.float32),
-        SyncVectorEnv([lambda: gym.wrappers.NormalizeObservation(Point())] * 2),
+        SyncVectorEnv([lambda: gym.wrappers.NormalizeObservation(point())] * 2),
     ):
         with pytest.raises(InvalidInputError, match=r"got a \w+ inside, which transforms"):
             wrappers.VectorSafetyFilter(env, plant=reads)

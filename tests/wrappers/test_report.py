@@ -21,27 +21,27 @@ def test_one_plant_reports_every_field_as_an_array_or_a_scalar_of_numpy(solver):
     env = filtered(solver)
     _, at_reset = env.reset(seed=0)
     *_, at_step = env.step(U)
-    for told in (at_reset["safety_filter"], at_step["safety_filter"]):
-        assert {*(report.PLANT.names or ()), *(report.ROW.names or ())} <= set(told)
+    for reported in (at_reset["safety_filter"], at_step["safety_filter"]):
+        assert {*(report.PLANT.names or ()), *(report.ROW.names or ())} <= set(reported)
         for name in report.PLANT.names or ():
             kind = report.PLANT[name]
-            assert np.shape(told[name]) == kind.shape
-            assert np.asarray(told[name]).dtype == kind.base
-            assert isinstance(told[name], np.ndarray | np.generic)
+            assert np.shape(reported[name]) == kind.shape
+            assert np.asarray(reported[name]).dtype == kind.base
+            assert isinstance(reported[name], np.ndarray | np.generic)
         for name in report.ROW.names or ():
-            assert told[name].shape == told["slack"].shape
+            assert reported[name].shape == reported["slack"].shape
 
 
 def test_a_batch_reports_the_same_fields_with_a_leading_axis():
     envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3), guidance="geodesic")
     envs.reset(seed=0)
     *_, info = envs.step(np.tile(U, (3, 1)))
-    told = info["safety_filter"]
+    reported = info["safety_filter"]
     one = filtered()
     one.reset(seed=0)
     *_, of_one = one.step(U)
-    assert {name for name in told if not name.startswith("_")} == set(of_one["safety_filter"])
-    assert all(len(value) == 3 for value in told.values())
+    assert {name for name in reported if not name.startswith("_")} == set(of_one["safety_filter"])
+    assert all(len(value) == 3 for value in reported.values())
 
 
 def test_a_report_is_not_changed_by_the_next_step():
@@ -49,9 +49,9 @@ def test_a_report_is_not_changed_by_the_next_step():
     for env, u in ((filtered(), U), (envs, np.tile(U, (2, 1)))):
         env.reset(seed=0)
         *_, info = env.step(u)
-        told = info["safety_filter"]
-        before = {name: np.array(value) for name, value in told.items()}
+        reported = info["safety_filter"]
+        before = {name: np.array(value) for name, value in reported.items()}
         for _ in range(3):
             env.step(-3.0 * u)
         for name, value in before.items():
-            assert np.array_equal(told[name], value)
+            assert np.array_equal(reported[name], value)

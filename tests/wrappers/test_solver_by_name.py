@@ -8,6 +8,7 @@ from hcbf_gym import wrappers
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from tests.worlds import World
 
 LISTED = [
     HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-0.4),
@@ -15,42 +16,23 @@ LISTED = [
 ]
 
 
-class Double(gym.Env):
-    """A planar double integrator that brings nothing but its spaces; 50 Hz."""
-
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,))
-    action_space = gym.spaces.Box(-5.0, 5.0, (2,))
-
-    def __init__(self):
-        self.x = np.zeros(4)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(4)
-        return self.x, {}
-
-    def step(self, action):
-        self.x = DoubleIntegrator().step(self.x, np.asarray(action), 0.02)
-        return self.x, 0.0, False, False, {}
-
-
 def reports(world, program, rows, solver):
     """Return u_safe, slack, margin and status of 60 steps towards a corner."""
     env, plant = world()
     env = wrappers.SafetyFilter(env, program, plant=plant, rows=rows, solver=solver)
     env.reset(seed=3)
-    said = []
+    answers = []
     for k in range(60):
         action = np.array([4.0 * np.cos(0.02 * k), 4.0 * np.sin(0.02 * k)], dtype=np.float32)
         *_, info = env.step(action)
         report = info["safety_filter"]
-        said.append(np.hstack([report[key] for key in ("u_safe", "slack", "margin", "status")]))
-    return np.array(said)
+        answers.append(np.hstack([report[key] for key in ("u_safe", "slack", "margin", "status")]))
+    return np.array(answers)
 
 
 def listed():
     """Return an environment with a plant that lists its barriers."""
-    return Double(), Plant(DoubleIntegrator(), LISTED, lambda env, *_: env.x, period=0.02)
+    return World(period=0.02), Plant(DoubleIntegrator(), LISTED, lambda env, *_: env.x, period=0.02)
 
 
 def scene():

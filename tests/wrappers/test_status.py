@@ -54,12 +54,12 @@ def test_a_plant_that_stands_though_the_policy_asks_is_deadlocked(solver):
     env = SafetyFilter(gym.make("HCBF-Regions-v0", scenario=TRAP), "lex-cbf-qp", solver=solver)
     _, info = env.reset(seed=0)
     assert info["safety_filter"]["deadlock"] == 0.0
-    said = []
+    answers = []
     for _ in range(400):
         *_, info = env.step(np.array([1.0, 0.0], dtype=np.float32))
-        said.append(info["safety_filter"]["deadlock"])
-    assert said[10] == 0.0  # on its way
-    assert said[-1] == 1.0  # before the wall
+        answers.append(info["safety_filter"]["deadlock"])
+    assert answers[10] == 0.0  # on its way
+    assert answers[-1] == 1.0  # before the wall
     *_, info = env.step(np.array([0.1, 0.0], dtype=np.float32))
     assert info["safety_filter"]["deadlock"] == 0.0  # nothing is asked
 

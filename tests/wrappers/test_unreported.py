@@ -12,7 +12,7 @@ from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import VectorSafetyFilter
-from hcbf_gym.wrappers.readers import joined, reported
+from hcbf_gym.wrappers.infos import joined, reported
 
 T, N = 0.05, 3
 MODES = list(AutoresetMode)

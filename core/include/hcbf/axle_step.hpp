@@ -41,12 +41,9 @@ struct Turn {  // of a vector in the plane
   }
 };
 
-// Whether a condition is on the speed, not on the place.
-inline bool is_on_speed(Index kind) { return kind == layout::SPEED_LIMIT || kind == layout::ZONE; }
-
 // Whether a condition binds the point: it moves, or is a user's own.
 inline bool moves(Index kind, Vector<const double> parameters) {
-  if (is_on_speed(kind)) return false;
+  if (rows::is_on_speed(kind)) return false;
   const bool still = parameters[layout::VELOCITY_X] == 0.0 && parameters[layout::VELOCITY_Y] == 0.0;
   return kind == layout::CUSTOM || !still;
 }
@@ -69,15 +66,6 @@ inline Placed place(const Constants& c, const Plant& plant) {
 
 inline margins::Known known_of(const Plant& plant, const double* x, const double* model, const double* lag) {
   return {x, plant.time, model, lag, {plant.covariance[0], 4, 4}, plant.growth};
-}
-
-// Writes the rows of one plant, whose axle or point has the state x (4,).
-inline void write_rows(const One& p, const double* x, const RowSettings& settings,
-                       Matrix<const double> margin, Matrix<double> a, Matrix<double> out) {
-  const Index m = p.count();
-  rows::rows({p.kind.data, 1, m}, {p.parameters.data, 1, m, layout::WIDTH},
-             {margin.data, 4, 1, margin.columns}, {x, 1, 4}, {&p.plant.time, 1}, settings,
-             {a.data, 1, a.rows, 2}, {out.data, 4, 1, out.columns});
 }
 
 // Returns b of a zone: braking alone changes the speed, turning the position besides. x: (4,) of the
@@ -113,7 +101,7 @@ inline void make_rows_of_point(const Constants& c, const One& p, Work& w) {
   margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, plant.x, plant.model, plant.lag),
                   c.period, work::reserved(w.other_margin));
   for (Index k = 0; k < m; ++k) w.other_margin(margins::MARGIN, k) += p.own_margin[k] + c.axle.look_ahead;
-  write_rows(p, plant.x, c.rows, w.other_margin, w.other_a, w.other_rows);
+  rows::of_state(p.kind, p.parameters, w.other_margin, plant.x, plant.time, c.rows, w.other_a, w.other_rows);
   for (Index k = 0; k < m; ++k) {
     if (!binds(k)) continue;
     for (Index q = 0; q < 4; ++q) w.margin(q, k) = w.other_margin(q, k), w.rows(q, k) = w.other_rows(q, k);
@@ -134,7 +122,7 @@ inline void make_rows(const Constants& c, const One& p, Work& w) {
   }
   RowSettings settings = c.axle_rows;
   axle_rows::limit_axle(c.axle, plant.x, plant.heading, settings);
-  write_rows(p, at.x, settings, w.margin, w.a, w.rows);
+  rows::of_state(p.kind, p.parameters, w.margin, at.x, plant.time, settings, w.a, w.rows);
   settings.u_max = c.axle.braking;  // of the speed: what turns it changes no speed
   for (Index k = 0; k < p.count(); ++k) {
     const Vector<const double> block = p.parameters[k];
@@ -146,7 +134,7 @@ inline void make_rows(const Constants& c, const One& p, Work& w) {
     }
     if (p.kind[k] == layout::ZONE) b = zone_row(c.axle, block, w, k, at.x, settings);
     w.straight(k, 0) = n_x, w.straight(k, 1) = n_y, w.straight(k, 2) = b;
-    if (is_on_speed(p.kind[k])) continue;  // n is along the heading, and e·u alone changes the speed
+    if (rows::is_on_speed(p.kind[k])) continue;  // n is along the heading, and e·u alone changes the speed
     const auto row = axle_rows::of_axle(c.axle, plant.x, plant.heading, c.period, n_x, n_y, b);
     n_x = row.ax, n_y = row.ay, b = row.b;
   }
@@ -160,7 +148,7 @@ inline void carry_on(const axle::Axle& axle, Plant& plant) {
   const double turned = axle::speeds(axle, plant.x, plant.headed).turning * plant.elapsed;
   plant.heading += turned;
   const Turn turn(turned);
-  turn(plant.x + 2), turn(plant.model + 2), turn(plant.believed + 2);
+  turn(plant.x + 2), turn(plant.model + 2), turn(plant.accepted + 2);
 }
 
 // Turns what was expected of the point's velocity with the heading since the last sample: commands are
@@ -182,7 +170,7 @@ inline void split_ranks(const One& p, Work& w) {
 }
 
 // Whether a condition is on the place, by a unit normal; an own one may be anything.
-inline bool is_edge(Index kind) { return !is_on_speed(kind) && kind != layout::CUSTOM; }
+inline bool is_edge(Index kind) { return !rows::is_on_speed(kind) && kind != layout::CUSTOM; }
 
 // Answers once more where rows changed u, with what a robot free to move would do for u*. One that is
 // guided turns off a single edge besides, and turns to a path that lies behind it. One that backs from

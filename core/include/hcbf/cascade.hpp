@@ -4,15 +4,13 @@
 #pragma once
 #include <utility>
 
-#include <hcbf/cbf_rows.hpp>
-#include <hcbf/result.hpp>
+#include <hcbf/program_records.hpp>
 #include <hcbf/stages.hpp>
-#include <hcbf/weights.hpp>
 
 namespace hcbf::cascade {
 
 using namespace program_records;
-using cbf_rows::CbfRows, cbf_rows::StateRowsOf, polygon::Corners, result::FilterResult;
+using polygon::Corners;
 
 // Returns whether u* is in U and meets every row.
 template <class Number>
@@ -33,7 +31,7 @@ Number least_slack(const Settings& settings, const StateRowsOf<Number>& rows, In
 // Returns the stage of the rows of a priority, from 1; of no row, which has priority 0, 0.
 inline Index stage_of(const Settings& settings, Vector<const double> weights, Index priority) {
   if (settings.by_level || priority == 0) return priority;
-  return std::isinf(weights::gamma0_of(weights, priority)) ? 1 : 2;
+  return std::isinf(gamma0_of(weights, priority)) ? 1 : 2;
 }
 
 // Sorts by stage: writes the rows' indices, and where each stage ends in `start`, one place early:
@@ -59,7 +57,7 @@ void load(const Settings& settings, Vector<const double> weights, const StateRow
           TermsOf<Number>& row) {
   const Index k = row.index;
   row.b = rows.b[k];
-  const Number weight = weights::weight_of(weights, rows.priority[k], rows.h[k]);
+  const Number weight = weight_of(weights, rows.priority[k], rows.h[k]);
   row.strict = isinf(weight);
   row.weight = row.strict ? 1.0 : weight;
   row.least = least_slack(settings, rows, k);
@@ -95,13 +93,13 @@ Index account(const Settings& settings, Index status, Vector<const Index> priori
               const Input& u, Vector<Number> slack, Vector<Number> delta) {
   for (const Row& row : rows) {
     const Number value = row.value(u);
-    const Number paid = result::slack_of<Number>(row.b - value, row.norm, row.b, settings.radius);
+    const Number paid = slack_of<Number>(row.b - value, row.norm, row.b, settings.radius);
     slack[row.index] = delta[row.index] = paid;
     if (!row.strict && settings.lower == Lower::RELAXED) delta[row.index] = max(paid, row.least);
     if (!row.strict && settings.lower == Lower::DRAWN) delta[row.index] = row.target - value;
     if (paid > 0.0) {
       const bool relaxed = settings.ranks && priority[row.index] > 1;
-      status = std::max<Index>(status, relaxed ? result::RELAXED : result::VIOLATED);
+      status = std::max<Index>(status, relaxed ? RELAXED : VIOLATED);
     }
   }
   return status;
@@ -137,7 +135,7 @@ Index filter_state(const Settings& settings, Vector<const PointOf<Number>> verti
   u[0] = u_nominal.x, u[1] = u_nominal.y;
   if (allowed<Number>(vertices, rows, u_nominal)) {
     for (Index k = 0; k < m; ++k) slack[k] = 0.0, delta[k] = least_slack(settings, rows, k);
-    return result::NOMINAL;
+    return NOMINAL;
   }
   const RowsOf<Number> sorted{w.rows.data(), m};
   const Index stage_count = sort(settings, weights, rows.priority, w.rows, w.start);
@@ -154,7 +152,7 @@ Index filter_state(const Settings& settings, Vector<const PointOf<Number>> verti
   u[0] = chosen.x, u[1] = chosen.y;
   const Number distance = max(abs(chosen.x - u_nominal.x), abs(chosen.y - u_nominal.y));
   const bool moved = distance > tolerances::NOMINAL * (1.0 + settings.radius);
-  const Index unpaid = moved ? result::SAFE : result::NOMINAL;
+  const Index unpaid = moved ? SAFE : NOMINAL;
   return account(settings, unpaid, rows.priority, sorted, chosen, slack, delta);
 }
 

@@ -1,14 +1,24 @@
-// The report of one plant, from its program's answer.
+// The report of one plant, from its program's answer: what it lacks, its status, its rows.
+//
+// The proposition of docs/guarantees.md starts from h >= m and psi >= 0 of every strict condition on
+// the position. A step at which both hold is *proved*. One at which they do not is VIOLATED, whatever
+// the cause: a conflict, a push, a fix, changed barriers.
+//
+// There is one exception. m may also be consumed: by the tracking error of a robot beside its model,
+// and by the errors of a scan. With e the part of m that they may consume without notice, such a step
+// is not proved, but VIOLATED only where h < m - e, or d/dt(h - m) + alpha1(h - m + e) stays below
+// zero for longer than the robot takes to follow, or a change left it so. A change counts where one
+// of the two falls below its value before. Of a robot that is its model, e = 0.
 #pragma once
 #include <algorithm>
 #include <cmath>
 
 #include <hcbf/axle_step.hpp>
+#include <hcbf/constants.hpp>
 #include <hcbf/general_rows.hpp>
 #include <hcbf/plants.hpp>
 #include <hcbf/posing.hpp>
 #include <hcbf/reason.hpp>
-#include <hcbf/status.hpp>
 #include <hcbf/tolerances.hpp>
 #include <hcbf/work.hpp>
 
@@ -16,6 +26,85 @@ namespace hcbf::conclusion {
 
 using plants::Constants, plants::One, work::Work;
 using rows::H, rows::PSI;
+using program_records::BACKUP, program_records::FilterStatus;
+using constants::ASKING, constants::STANDING;
+
+// What the strict conditions on the position lack at one sample.
+struct Shortfall {
+  double kept;             // the least h - m [m]
+  double headway;          // the least psi [m/s]
+  double kept_at_most;     // as `kept`, with m - e for m
+  double headway_at_most;  // likewise
+};
+
+// Returns what strict conditions lack; usual rows may dip between samples by what they reserve.
+// `strict`: (m,) which conditions are of rank 1 and on the position; `usable`: (m,) what of m the
+// tracking error and errors of measurement may consume; `dip`: what usual rows reserve against dips
+// between samples, 0 for held rows; `tracking`: what of the constant part a robot may consume that is not
+// its model; `alpha1`: (4,).
+inline Shortfall shortfall(Vector<const bool> strict, Vector<const double> h, Vector<const double> margin,
+                           Vector<const double> usable, Vector<const double> psi, double dip, double tracking,
+                           const class_k::ClassK& alpha1) {
+  Shortfall short_{INFINITY, INFINITY, INFINITY, INFINITY};
+  for (Index k = 0; k < strict.size; ++k) {
+    if (!strict[k]) continue;
+    const double kept = h[k] - margin[k] + dip, used = usable[k] + tracking;
+    double spare = psi[k];
+    if (dip > 0.0) spare += class_k::value(alpha1, kept) - class_k::value(alpha1, kept - dip);
+    short_.kept = std::min(short_.kept, kept), short_.headway = std::min(short_.headway, spare);
+    if (used > 0.0) spare += class_k::value(alpha1, kept + used) - class_k::value(alpha1, kept);
+    short_.kept_at_most = std::min(short_.kept_at_most, kept + used);
+    short_.headway_at_most = std::min(short_.headway_at_most, spare);
+  }
+  return short_;
+}
+
+// Returns whether h is below m, or psi below zero.
+inline bool lacks(const Shortfall& at) { return at.kept < -margins::SHORT || at.headway < -margins::SHORT; }
+
+// Returns whether a step is VIOLATED for what its strict conditions lack, and remembers. `period`: T
+// [s], 0 where it is not known; `settles`: how long a robot takes to follow [s], 0 for its model.
+inline bool is_violated(Memory& memory, const Shortfall& now, double period, double settles) {
+  bool fell = memory.change == CHANGED;
+  if (memory.change == COMPARED)
+    fell = now.kept_at_most < memory.kept - margins::SHORT ||
+           now.headway_at_most < memory.headway - margins::SHORT;
+  memory.unproved = lacks(now) && (fell || memory.unproved != 0);
+  memory.change = 0, memory.kept = now.kept, memory.headway = now.headway;
+  const bool fast = now.headway_at_most < -margins::SHORT;
+  memory.closing = fast ? memory.closing + period : 0.0;
+  const bool exact = settles == 0.0 || period == 0.0;
+  const bool lasts = fast && (exact || memory.closing > settles);
+  return memory.unproved != 0 || now.kept_at_most < -margins::SHORT || lasts;
+}
+
+// Returns the status of a step. A guidance row that is relaxed is no violation, and an input that only
+// guidance moved is SAFE. `status`: the program's; `moved`: whether u is not u*; `unsafe`: whether a
+// strict h is below zero; `slack`: (m,) of the safety rows.
+inline Index status_of(Index status, bool moved, bool unsafe, bool violated, Vector<const double> slack) {
+  if (status == FilterStatus::BACKUP) return status;
+  if (unsafe) return FilterStatus::UNSAFE;
+  const bool met = std::all_of(slack.data, slack.data + slack.size, [](double each) { return each == 0.0; });
+  if (met) status = moved ? FilterStatus::SAFE : FilterStatus::NOMINAL;
+  return violated ? std::max<Index>(status, FilterStatus::VIOLATED) : status;
+}
+
+// Returns whether a body is faster than a speed limit, or than that of a zone in which it is. Rows read
+// the model's velocity, and reserve what the body may differ while it follows; right after a limit
+// begins, or under commands that nobody knows, only its own velocity shows. h and x (4,) are of one
+// point: the axle of a differential drive, all others' own. `limit`: L [m/s]; `lag`: (4,) the body's
+// state minus the model's.
+inline bool speeds(Index kind, double limit, double h, const double* x, const double* lag) {
+  if (kind != layout::SPEED_LIMIT && kind != layout::ZONES && kind != layout::ZONE) return false;
+  const double model2 = x[2] * x[2] + x[3] * x[3];
+  const double away = 2.0 * limit * h - limit * limit + model2;  // of a zone, times what brakes before it
+  return away < 1e-9 && margins::is_fast(limit, x, lag);
+}
+
+// Returns 1 where a plant is at rest though u* requests motion, by the squares of both.
+inline double stands(double speed2, double asked2) {
+  return speed2 < STANDING * STANDING && asked2 > ASKING * ASKING ? 1.0 : 0.0;
+}
 
 // Makes the braking input the answer, as it is: the rows say nothing, or no solver answered. After an
 // alarm, and where guidance finds no path, the state is valid: braking may bring the plant to a region,
@@ -49,13 +138,41 @@ inline bool is_unsafe(const Constants& c, const One& p, const Work& w) {
       reach = body * std::sqrt(w.a(k, 0) * w.a(k, 0) + w.a(k, 1) * w.a(k, 1));
     }
     const double limit = p.parameters(k, layout::V_MAX);
-    if (nearest < reach || status::speeds(p.kind[k], limit, h[k], x, lag)) return true;
+    if (nearest < reach || speeds(p.kind[k], limit, h[k], x, lag)) return true;
   }
   return false;
 }
 
+// Writes u in the type of the environment's actions, and by how much it differs from u*; returns the
+// greatest difference of an entry.
+inline double report_input(const Constants& c, const One& p, Vector<double> u) {
+  double furthest = 0.0, change2 = 0.0, asked2 = 0.0;
+  for (Index j = 0; j < u.size; ++j) {
+    if (c.rounding > 0.0) u[j] = static_cast<float>(u[j]);
+    const double change = u[j] - p.u_nominal[j];
+    furthest = std::max(furthest, std::abs(change));
+    change2 += change * change;
+    asked2 += p.u_nominal[j] * p.u_nominal[j];
+    p.u_safe[j] = p.input[j] = u[j];
+  }
+  p.report.intervention = std::sqrt(change2);
+  p.report.deadlock = stands(p.plant.x[2] * p.plant.x[2] + p.plant.x[3] * p.plant.x[3], asked2);
+  return furthest;
+}
+
+// Writes the report of a plant that `posing::brake` brings to rest.
+inline void conclude_brake(const Constants& c, const One& p, Work& w) {
+  report_input(c, p, w.answer.u[0]);
+  p.report.status = BACKUP, p.report.fallbacks = 0.0, p.report.proved = 0;
+  for (Index k = 0; k < p.count(); ++k) {
+    const bool is_none = p.kind[k] == layout::NONE;
+    const double h = is_none ? INFINITY : NAN;
+    p.rows[k] = {0.0, 0.0, 0.0, h, h, 0.0};
+  }
+}
+
 // Writes the report of one condition.
-inline void report_row(const Constants& c, const One& p, const Work& w, Index k, bool believed) {
+inline void report_row(const Constants& c, const One& p, const Work& w, Index k, bool is_valid) {
   report::Row& row = p.rows[k];
   if (p.kind[k] == layout::NONE) {
     row = {0.0, 0.0, 0.0, INFINITY, INFINITY, 0.0};
@@ -63,7 +180,7 @@ inline void report_row(const Constants& c, const One& p, const Work& w, Index k,
   }
   row = {w.answer.slack(0, k), w.answer.delta(0, k), w.margin(margins::MARGIN, k), NAN, NAN, 0.0};
   if (p.own.rows > 0 && p.kind[k] == layout::CUSTOM) row.margin += p.own(k, general_rows::DIP);
-  if (!believed) return;
+  if (!is_valid) return;
   row.h = w.rows(H, k), row.psi = w.rows(PSI, k);
   if (c.made)
     row.conditioning = p.own(k, general_rows::CONDITIONING);
@@ -79,36 +196,26 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   if (posing::stops(why, c.brakes)) {
     const bool unsure = why < reason::FIRST_ALARM || why == reason::MOTION || why == reason::RESPONSE;
     if (unsure && why != reason::GOAL) apply(w);
-    w.answer.status[0] = result::BACKUP;
+    w.answer.status[0] = BACKUP;
   }
-  double furthest = 0.0, change2 = 0.0, asked2 = 0.0;
-  for (Index j = 0; j < u.size; ++j) {
-    if (c.rounding > 0.0) u[j] = static_cast<float>(u[j]);
-    const double change = u[j] - p.u_nominal[j];
-    furthest = std::max(furthest, std::abs(change));
-    change2 += change * change;
-    asked2 += p.u_nominal[j] * p.u_nominal[j];
-    p.u_safe[j] = p.input[j] = u[j];
-  }
+  const double furthest = report_input(c, p, u);
   const Vector<double> slack = w.answer.slack[0].part(0, m);
   p.report.proved = 0;
   bool violated = false;
-  const bool believed = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
-  if (believed) {
+  const bool is_valid = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
+  if (is_valid) {
     const auto lack =
-        status::shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::USABLE],
-                          w.rows[PSI], c.dip, c.sway, c.rows.alpha1);
-    violated = status::is_violated(p.plant.judged, lack, p.plant.elapsed, c.settles);
-    p.report.proved = !status::lacks(lack);
+        shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::USABLE], w.rows[PSI],
+                  c.dip, c.tracking, c.rows.alpha1);
+    violated = is_violated(p.plant.judged, lack, p.plant.elapsed, c.settles);
+    p.report.proved = !lacks(lack);
   }
   if (c.drives)
     for (Index k = 0; k < m; ++k) violated |= p.priority[k] == 1 && slack[k] > 0.0;
   const bool moved = furthest > tolerances::NOMINAL * (1.0 + c.radius);
-  p.report.status = status::conclude(w.answer.status[0], moved, is_unsafe(c, p, w), violated, slack);
-  p.report.intervention = std::sqrt(change2);
+  p.report.status = status_of(w.answer.status[0], moved, is_unsafe(c, p, w), violated, slack);
   p.report.fallbacks = w.answer.fallbacks[0];
-  p.report.deadlock = status::stands(p.plant.x[2] * p.plant.x[2] + p.plant.x[3] * p.plant.x[3], asked2);
-  for (Index k = 0; k < m; ++k) report_row(c, p, w, k, believed);
+  for (Index k = 0; k < m; ++k) report_row(c, p, w, k, is_valid);
 }
 
 }  // namespace hcbf::conclusion

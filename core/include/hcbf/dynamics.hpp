@@ -11,7 +11,7 @@
 #include <cmath>
 
 #include <hcbf/constants.hpp>
-#include <hcbf/foothold.hpp>
+#include <hcbf/feet.hpp>
 #include <hcbf/leg.hpp>
 #include <hcbf/matrices.hpp>
 

@@ -21,7 +21,7 @@ struct Filter {
          ClassK alpha2 = {class_k::LINEAR, 2.0, 0.0, 0.0}) {
     constants.lower = Lower::RELAXED, constants.by_level = true, constants.lock = Lock::BOUND;
     constants.ranks = constants.observed = true, constants.lambda_u = 1.0, constants.period = period;
-    constants.corners = corners.size(), constants.input_sets = 1, constants.weights = 2;
+    constants.corners = corners.size(), constants.weights = 2;
     RowSettings& made = constants.rows = {alpha1, alpha2, period, 0.0, 1.0, {INF, INF}, {-INF, -INF}};
     for (const Point u : corners) {
       constants.radius = made.u_max = std::max(made.u_max, std::hypot(u.x, u.y));
@@ -40,8 +40,8 @@ struct Filter {
     priority.push_back(rank), own_margin.push_back(0.0), rows.emplace_back();
   }
 
-  // Writes u at the next sample x (4,), unless u* or a rank is refused: `step::Said`.
-  step::Said operator()(const double* x, Point u_nominal, Point& u) {
+  // Writes u at the next sample x (4,), unless u* or a rank is refused: `step::Answer`.
+  step::Answer operator()(const double* x, Point u_nominal, Point& u) {
     sensed.plant.time = constants.period * samples++, sensed.plant.elapsed = constants.period;
     std::copy_n(x, 4, sensed.plant.x), reported.u_nominal = u_nominal;
     const Index m = kind.size();
@@ -49,7 +49,7 @@ struct Filter {
         {kind.data(), 1, m}, {parameters.data(), 1, m, layout::WIDTH}, {priority.data(), 1, m},
         {own_margin.data(), 1, m}, {nullptr, 0, 0, 0}, {reinterpret_cast<char*>(&sensed), 1, sizeof sensed},
         {reinterpret_cast<char*>(&reported), 1, sizeof reported}, {rows.data(), 1, m}, 2};
-    if (const step::Said wrong = step::check(constants, one)) return wrong;
+    if (const step::Answer wrong = step::check(constants, one)) return wrong;
     const auto settings = plants::program_of(constants, {program.data(), Index(program.size())}, 0);
     const bool asks = step::filter(constants, settings, one[0], {nullptr, 0}, room);
     u = reported.u_safe;

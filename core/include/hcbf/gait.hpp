@@ -1,6 +1,6 @@
 // Gaits as data, and the clock that says which foot stands.
 #pragma once
-#include <hcbf/floor_division.hpp>
+#include <hcbf/rotation.hpp>
 
 namespace hcbf::gait {
 
@@ -28,7 +28,7 @@ inline FootPhases foot_phases(const Gait& gait, double clock, const bool* contac
   FootPhases phases = {{true, true, true, true}, {0.0, 0.0, 0.0, 0.0}};
   if (clock < 0.0) return phases;
   for (int foot = 0; foot < 4; ++foot) {
-    const double phase = floor_division::remainder(clock / gait.period + gait.offsets[foot] + ROUNDING, 1.0);
+    const double phase = rotation::remainder(clock / gait.period + gait.offsets[foot] + ROUNDING, 1.0);
     const double swung = (phase - gait.duty) / (1.0 - gait.duty);
     if (swung < 0.0 || (contact[foot] && swung > EARLY_TOUCHDOWN)) continue;
     phases.stance[foot] = false;
@@ -43,7 +43,7 @@ inline double advance_clock(const Gait& gait, double clock, bool quiet, double d
   if (clock < 0.0) return quiet ? RESTING : 0.0;
   const double before = clock / gait.period + ROUNDING;
   const double after = (clock + dt) / gait.period + ROUNDING;
-  const bool landed = floor_division::quotient(after, 0.5) > floor_division::quotient(before, 0.5);
+  const bool landed = rotation::quotient(after, 0.5) > rotation::quotient(before, 0.5);
   return gait.rests && quiet && landed ? RESTING : clock + dt;
 }
 

@@ -6,7 +6,7 @@
 namespace hcbf::general_cascade {
 
 using namespace program_records;
-using cbf_rows::StateRows, polyhedron::Doubles, polyhedron::Solver;
+using program_records::StateRows, polyhedron::Doubles, polyhedron::Solver;
 
 // A program: its plan and prices, whose vertices nobody reads, and U = {u : a u >= b}.
 struct Program {
@@ -35,7 +35,7 @@ inline Answer filter_state(const Program& program, const StateRows& rows, Solver
   const Index m = rows.b.size, n = u.size();
   if (meets(program.a, program.b, u) && meets(rows.a, rows.b, u)) {
     for (Index k = 0; k < m; ++k) slack[k] = 0.0, delta[k] = cascade::least_slack(settings, rows, k);
-    return {result::NOMINAL, 0};
+    return {program_records::NOMINAL, 0};
   }
   std::vector<polyhedron::Row> sorted(m);
   std::vector<Index> start(m + 4);
@@ -53,7 +53,7 @@ inline Answer filter_state(const Program& program, const StateRows& rows, Solver
   project(u);
   double moved = 0.0;
   for (Index i = 0; i < n; ++i) moved = std::max(moved, std::abs(u[i] - desired[i]));
-  const Index unpaid = moved > tolerances::NOMINAL * (1.0 + settings.radius) ? result::SAFE : result::NOMINAL;
+  const Index unpaid = moved > tolerances::NOMINAL * (1.0 + settings.radius) ? program_records::SAFE : program_records::NOMINAL;
   return {cascade::account(settings, unpaid, rows.priority, all, u, slack, delta), inputs.fallbacks};
 }
 

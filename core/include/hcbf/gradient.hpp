@@ -51,7 +51,7 @@ struct Solver {
                           u.x * std::sin(turn) + u.y * std::cos(turn)});
     w.grow(scene.program.radius, static_cast<Index>(vertices.size()), m);
   }
-  cbf_rows::StateRowsOf<Number> rows(const Scene& scene) const {
+  program_records::StateRowsOf<Number> rows(const Scene& scene) const {
     const Index m = scene.count();
     return {{a.data(), m, 2}, {b.data(), m}, {h.data(), m}, scene.priority, {alpha2_psi.data(), m}};
   }
@@ -124,9 +124,9 @@ class Layer {
 
   Answer at(const double* variables, double t) {
     write_rows(scene_, variables, t, plain_);
-    Answer answer{{variables[0], variables[1]}, 0, false, cbf_rows::are_finite({variables, U_NOMINAL})};
+    Answer answer{{variables[0], variables[1]}, 0, false, program_records::are_finite({variables, U_NOMINAL})};
     for (const std::vector<double>* each : {&plain_.a, &plain_.b, &plain_.h, &plain_.alpha2_psi})
-      answer.well_formed &= cbf_rows::are_finite({each->data(), static_cast<Index>(each->size())});
+      answer.well_formed &= program_records::are_finite({each->data(), static_cast<Index>(each->size())});
     if (answer.well_formed) answer.status = plain_.solve(scene_, {variables[0], variables[1]}, answer.u);
     return answer;
   }

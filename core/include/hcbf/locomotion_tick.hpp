@@ -11,7 +11,6 @@
 #include <hcbf/leg.hpp>
 #include <hcbf/locomotion_state.hpp>
 #include <hcbf/matrices.hpp>
-#include <hcbf/motors.hpp>
 #include <hcbf/rotation.hpp>
 #include <hcbf/task_space.hpp>
 #include <hcbf/tasks.hpp>
@@ -137,7 +136,7 @@ inline void plan(const Settings& settings, Memory& memory, const RobotState& sta
   for (int foot = 0; foot < 4; ++foot) carrying[foot] = phases.stance[foot] && contact[foot];
   memory.ground = ground_height(memory.ground, places.measured, carrying, settings.foot_radius);
   places.touchdown = memory.ground + settings.foot_radius;
-  const foothold::Trunk trunk = {state.position, state.linear_velocity, rotation::yaw_of(R), settings.height};
+  const feet::Trunk trunk = {state.position, state.linear_velocity, rotation::yaw_of(R), settings.height};
   feet::plan_feet(targets, phases, settings.gait, places, trunk, reference, dt);
   const double too_low = memory.ground + settings.height - state.position[2];
   memory.lift += dt * HEIGHT_KI * too_low;
@@ -159,7 +158,7 @@ struct Program {  // of a tick
 // Runs a tick up to the QP.
 inline Program tick(const Settings& settings, Memory& memory, Workspace& work, const RobotState& state,
                     const double* u) {
-  motors::torque_limits({settings.stall_torque, 12}, {settings.no_load_speed, 12},
+  impedance::torque_limits({settings.stall_torque, 12}, {settings.no_load_speed, 12},
                         {state.joint_velocity[0].at, 12}, {work.limits[0], 2, 12});
   TickPlan planned;
   plan(settings, memory, state, u, planned);

@@ -24,16 +24,19 @@ struct Motion {      // against the prediction; r and m' of models that are not 
 
 }  // namespace monitor
 
-namespace status {
+namespace conclusion {
+
+// What changed: barriers, compared with those before or not; or the state comes after an invalid one.
+enum Change : Index { COMPARED = 1, CHANGED = 2 };
 
 struct Memory {
-  Index news;      // COMPARED or NEWS, 0 for nothing
-  double kept;     // the least h - m at this sample [m]; with news, of the barriers before
+  Index change;    // a `Change`, 0 for nothing
+  double kept;     // the least h - m at this sample [m]; after a change, of the barriers before
   double headway;  // the least psi likewise [m/s]
-  Index unproved;  // whether news left something short, until nothing is
+  Index unproved;  // whether a change left something short, until nothing is
   double closing;  // for how long psi has been below zero [s]
 };
 
-}  // namespace status
+}  // namespace conclusion
 
 }  // namespace hcbf

@@ -64,16 +64,16 @@ class Monitor {
 
   void forget(Index i) { std::fill_n(sums(i).data, 2 * model_.n, 0.0); }
 
-  // Accounts for a sample of N plants, and raises their alarms. `believed` (N,): whether it is valid; f
+  // Accounts for a sample of N plants, and raises their alarms. `accepted` (N,): whether it is valid; f
   // (N, n) and g (N, n, n_u): at `states.x`; `parts`: whether a sample held more than x.
-  void observe(Records<plants::Plant> plants, Vector<const char> believed, const state_check::States& states,
+  void observe(Records<plants::Plant> plants, Vector<const char> accepted, const state_check::States& states,
                Matrix<const double> f, Cube<const double> g, bool parts) {
     const Sample now = sample(now_), last = sample(memory_);
     take(now, states, f, g, parts);
-    if (settings_.period > 0.0) predict(plants, believed, now, last);
+    if (settings_.period > 0.0) predict(plants, accepted, now, last);
     for (Index i = 0; i < count_; ++i) {
       plants::Plant& plant = plants[i];
-      if (!believed[i]) continue;
+      if (!accepted[i]) continue;
       if (plant.fault >= reason::FIRST_ALARM) monitor::latch(plant, plant.fault);
       if (compares(plant)) {
         if (misses(plant, i, now, last, states.covariance[i])) monitor::latch(plant, reason::INPUT);
@@ -131,7 +131,7 @@ class Monitor {
   }
 
   // Writes where the chosen inputs lead models and bodies; these by the input that seems to have arrived.
-  void predict(Records<plants::Plant> plants, Vector<const char> believed, const Sample& now,
+  void predict(Records<plants::Plant> plants, Vector<const char> accepted, const Sample& now,
                const Sample& last) {
     const Index n = model_.n, n_u = model_.n_u;
     for (Index i = 0; i < count_; ++i) std::copy_n(plants.tail(i), n_u, &chosen_[i * n_u]);
@@ -142,7 +142,7 @@ class Monitor {
       expect(last.model, chosen_, expected_model_);
     bool some = false;
     for (Index i = 0; i < count_; ++i) {
-      other_[i] = believed[i] && compares(plants[i]) && arrives(i, now, last);
+      other_[i] = accepted[i] && compares(plants[i]) && arrives(i, now, last);
       some |= other_[i] != 0;
     }
     if (!some) return;

@@ -67,7 +67,7 @@ class Step {
                  {settings_.period, settings_.radius, settings_.confidence, settings_.largest,
                   settings_.steered},
                  count),
-        believed_(count) {
+        accepted_(count) {
     const Index states = count * model.n;
     for (auto* each : {&f_, &led_}) each->resize(states);
     g_.resize(states * model.n_u), stops_.resize(count * model.n_u);
@@ -93,23 +93,23 @@ class Step {
              bool parts) {
     for (Index i = 0; i < count_; ++i)
       if (!sensed[i].known) monitor_.forget(i);
-    if (state_check::believe_all(sensed, states, settings_.velocity_at, told)) {
+    if (state_check::check_all(sensed, states, settings_.velocity_at, told)) {
       propagate(sensed, states, told);
       state_check::replace_all(sensed, states, told);
     }
     model_.terms(states.x, f(f_), g(g_));
     reserve_.know(states.x, states.model, states.lag, states.covariance);
     for (Index i = 0; i < count_; ++i) {
-      const bool is_known = step::is_finite({f_.data() + i * model_.n, model_.n}) &&
-                            step::is_finite({g_.data() + i * model_.n * model_.n_u, model_.n * model_.n_u});
+      const bool is_known = program_records::are_finite({f_.data() + i * model_.n, model_.n}) &&
+                            program_records::are_finite({g_.data() + i * model_.n * model_.n_u, model_.n * model_.n_u});
       if (!is_known)
         std::fill_n(f(f_)[i].data, model_.n, 0.0), std::fill_n(g(g_)[i].data, model_.n * model_.n_u, 0.0);
       if (told[i].reason == 0 && !(is_known && (!parts || reserve_.is_known(i))))
         told[i].reason = reason::BARRIERS;
-      believed_[i] = told[i].reason == 0;
+      accepted_[i] = told[i].reason == 0;
     }
     if (parts) state_check::grow_all(sensed, told, reserve_.drift(), model_.n_p);
-    monitor_.observe(sensed, {believed_.data(), count_}, states, f(f_), g(g_), parts);
+    monitor_.observe(sensed, {accepted_.data(), count_}, states, f(f_), g(g_), parts);
     if (settings_.period > 0.0) brake(sensed, states);
     for (Index i = 0; i < count_; ++i) {
       reserve_.time[i] = sensed[i].time;
@@ -156,10 +156,10 @@ class Step {
       plants::Plant& plant = sensed[i];
       if (told[i].reason == 0 || !plant.known || !(plant.elapsed > 0.0)) continue;
       const Vector<double> after = f(led_)[i];
-      model_.steps(states.believed.part(i, i + 1), {sensed.tail(i), 1, model_.n_u}, plant.elapsed,
+      model_.steps(states.accepted.part(i, i + 1), {sensed.tail(i), 1, model_.n_u}, plant.elapsed,
                    {after.data, 1, model_.n});
       plant.known = state_check::are_near(after);
-      if (plant.known) state_check::copy(after, states.believed[i]);
+      if (plant.known) state_check::copy(after, states.accepted[i]);
     }
   }
 
@@ -169,7 +169,7 @@ class Step {
     for (Index i = 0; i < count_; ++i) {
       const Vector<double> stop{sensed.tail(i) + model_.n_u, model_.n_u};
       std::copy_n(stops_.data() + i * model_.n_u, model_.n_u, stop.data);
-      if (!sensed[i].known || !step::is_finite(stop)) std::fill_n(stop.data, stop.size, 0.0);
+      if (!sensed[i].known || !program_records::are_finite(stop)) std::fill_n(stop.data, stop.size, 0.0);
       settings_.inputs.project(stop);
     }
   }
@@ -181,7 +181,7 @@ class Step {
   model_monitor::Monitor monitor_;
   Scene scene_{};
   bool turns_ = false;
-  std::vector<char> believed_;             // (N,)
+  std::vector<char> accepted_;             // (N,)
   std::vector<double> f_, g_, jacobian_;   // at x
   std::vector<double> led_, stops_;        // (N, n) propagated states, (N, n_u) braking inputs
   std::vector<double> gradient_, bend_;    // zeros

@@ -18,7 +18,7 @@ struct Scenes {  // of N plants
 };
 
 // The middle of a region at time t [m]; 0 of one without end.
-inline shape_terms::Place place(Index kind, const double* c, double t) {
+inline shapes::Place place(Index kind, const double* c, double t) {
   const Bounds ends = shapes::bounds(kind, c);
   const double x = 0.5 * (ends.low_x + ends.high_x) + c[layout::VELOCITY_X] * t;
   const double y = 0.5 * (ends.low_y + ends.high_y) + c[layout::VELOCITY_Y] * t;
@@ -32,7 +32,7 @@ inline void find_beside(const Scenes& before, const Scenes& now, Matrix<const do
                         Vector<const double> t, Matrix<Index> found) {
   const Index count = before.kind.columns;
   std::vector<char> taken(count);
-  std::vector<shape_terms::Place> places(count);
+  std::vector<shapes::Place> places(count);
   for (Index i = 0; i < found.rows; ++i) {
     std::fill(taken.begin(), taken.end(), false);
     for (Index k = 0; k < found.columns; ++k)

@@ -20,7 +20,6 @@ struct Constants {
   double radius, lambda_u;
   bool known_offset;
   Index corners;     // of a U
-  Index input_sets;  // 1, or one a plant
   Index weights;     // of a state
   bool made;         // whether rows, alarms and braking inputs were made beforehand
   // what rows reserve, and how they are made
@@ -29,7 +28,7 @@ struct Constants {
   double period;    // T [s], 0 where it is not known
   double rounding;  // of an input that is applied in 32 bits, 0 for 64 [m/s^2]
   double dip;       // what usual rows reserve against dips between samples
-  double sway;      // what of d a robot may use that is not its model
+  double tracking;  // what of d a robot may use that is not its model
   double settles;   // how long the robot takes to follow [s], 0 for its model
   // a differential drive
   bool drives;
@@ -70,12 +69,12 @@ struct Plant {
   double expected[2];  // velocity of the model at the last sample [m/s]
   double vague[3];     // xx, xy and yy of its covariance at the last sample [m^2/s^2]
   double growth;       // what that grew by when it grew last [m^2/s^2]
-  double believed[4];  // the last state that was valid
+  double accepted[4];  // the last state that was valid
   double headed;       // the heading then [rad]
-  double believed_at;  // its time [s]
+  double accepted_at;  // its time [s]
   Index follows;       // whether the last sample was valid
   Index known;         // whether any was, since the reset
-  status::Memory judged;
+  conclusion::Memory judged;
   Index alarm;  // a `Reason`, until the next reset
   Index moves;  // whether a region is nearer than its velocity explains
 };
@@ -136,14 +135,14 @@ inline bool fits(const Plants& p, bool guided) {
   return true;
 }
 
-// Returns the program of plant i; `numbers` holds the corners of U and the weights behind them, each of
-// all plants or one a plant.
+// Returns the program of plant i; `numbers` holds the corners of U, and behind them the weights of all
+// plants or of one a plant.
 inline program_records::Settings program_of(const Constants& c, Vector<const double> numbers, Index i) {
-  const Index end = 2 * c.corners * c.input_sets;
+  const Index end = 2 * c.corners;
   const bool weighs = numbers.size - end > c.weights;  // each plant by its own
   return {c.lower,  c.by_level, c.lock,         c.ranks,
           c.guided, c.radius,   c.lambda_u,     c.known_offset,
-          {numbers.data + (c.input_sets > 1 ? 2 * c.corners * i : 0), 1, c.corners, 2},
+          {numbers.data, 1, c.corners, 2},
           {numbers.data + end + (weighs ? c.weights * i : 0), 1, c.weights}};
 }
 

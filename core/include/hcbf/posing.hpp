@@ -23,7 +23,7 @@ using rows::ALPHA2_PSI, rows::B, rows::H, rows::PSI;
 
 // Checks the state, unless that was done where rows were made.
 inline void look(const Constants& c, const One& p) {
-  if (p.own.rows == 0 && !c.made) p.report.reason = state_check::believe(p.plant, p.input);
+  if (p.own.rows == 0 && !c.made) p.report.reason = state_check::check(p.plant, p.input);
   if (c.drives && p.report.reason != 0) axle_step::carry_on(c.axle, p.plant);
 }
 
@@ -35,13 +35,14 @@ inline void leave_out(Work& w, Index k) {
 // Writes the margins and rows of a planar double integrator, users' own barriers left out.
 inline void make_planar_rows(const Constants& c, const One& p, Work& w) {
   const Index m = p.count();
-  for (Index k = 0; k < m; ++k) w.strict[k] = !axle_step::is_on_speed(p.kind[k]) && p.priority[k] == 1;
+  for (Index k = 0; k < m; ++k) w.strict[k] = !rows::is_on_speed(p.kind[k]) && p.priority[k] == 1;
   if (c.drives) return axle_step::make_rows(c, p, w);
   const plants::Plant& plant = p.plant;
-  const margins::Known known = axle_step::known_of(plant, plant.x, plant.model, plant.lag);
+  const margins::Known known{plant.x, plant.time, plant.model, plant.lag, {plant.covariance[0], 4, 4},
+                             plant.growth};
   margins::derive(c.uncertainty, p.kind, p.parameters, known, c.period, work::reserved(w.margin));
   for (Index k = 0; k < m; ++k) w.margin(margins::MARGIN, k) += p.own_margin[k];
-  axle_step::write_rows(p, plant.x, c.rows, w.margin, w.a, w.rows);
+  rows::of_state(p.kind, p.parameters, w.margin, plant.x, plant.time, c.rows, w.a, w.rows);
 }
 
 // Copies the rows that were made beforehand.
@@ -82,7 +83,7 @@ inline void make_rows(const Constants& c, const One& p, Work& w) {
 }
 
 // Returns whether the safety rows are finite; where they are not, takes them out.
-inline bool are_finite(const One& p, Work& w) {
+inline bool have_rows(const One& p, Work& w) {
   bool finite = true;
   for (Index k = 0; k < p.count(); ++k) {
     double whole = w.rows(B, k) + w.rows(H, k);
@@ -137,11 +138,11 @@ inline void guide_nowhere(const Constants& c, const One& p, Work& w) {
   lead(w, last, 0.0, 0.0, -1.0);
 }
 
-// Decides on the program's nominal input: u*, guided or not, or the input that brakes.
+// Decides on the program's nominal input: u*, guided or not, or the input that brakes. The state is valid.
 inline void ask(const Constants& c, const Settings& settings, const One& p, Work& w) {
   plants::Plant& plant = p.plant;
   Index& why = p.report.reason;
-  if (!are_finite(p, w) && why == 0) why = reason::BARRIERS;
+  if (!have_rows(p, w)) why = reason::BARRIERS;
   if (c.drives) axle_step::turn_memory(plant, p.input.data);
   if (why == 0) {
     const bool exact = c.settles == 0.0 && !c.drives;
@@ -168,16 +169,29 @@ inline void ask(const Constants& c, const Settings& settings, const One& p, Work
   if (c.drives && c.by_level) axle_step::split_ranks(p, w);
 }
 
+// Makes room for a plant, and gives its program the U that a differential drive has at its heading.
+inline void fit(const Constants& c, Settings& settings, const One& p, Work& w) {
+  w.fit(p.count(), p.rows.size, p.u_nominal.size, c.radius, c.corners);
+  if (!c.drives) return;
+  axle::corners(c.axle, p.plant.x, p.plant.heading, c.period, w.corners);
+  settings.vertices = {w.corners, 1, 4, 2};
+}
+
 // Poses the program of one plant, and returns it with the plant's U.
 inline Settings pose(const Constants& c, Settings settings, const One& p, Work& w) {
-  w.fit(p.count(), p.rows.size, p.u_nominal.size, c.radius, c.corners);
+  fit(c, settings, p, w);
   make_rows(c, p, w);
-  if (c.drives) {
-    axle::corners(c.axle, p.plant.x, p.plant.heading, c.period, w.corners);
-    settings.vertices = {w.corners, 1, 4, 2};
-  }
   ask(c, settings, p, w);
   return settings;
+}
+
+// Brings a plant to rest whose state is not valid: no rows are made, and no program is asked.
+inline void brake(const Constants& c, Settings settings, const One& p, Work& w) {
+  fit(c, settings, p, w);
+  p.plant.follows = 0;
+  if (c.drives) axle_step::turn_memory(p.plant, p.input.data);
+  p.report.model_error = std::sqrt(p.plant.inputs.error), p.report.reachable = 0.0;
+  wish_to_stop(c, settings, p, w.answer.u[0]);
 }
 
 }  // namespace hcbf::posing

@@ -1,6 +1,12 @@
-// What the cascade is made of: settings, rows, the cost of a stage, working space.
+// What goes into a program and comes out: settings, rows, prices, the answer, working space.
+//
+// The rows are the conditions a_k u >= b_k. With psi the barrier at its relative degree, a = L_g psi and
+// b = -alpha2(psi) - L_f psi, so that a u - b = d psi/dt (x, u) + alpha2(psi). A relaxed row costs
+// lambda(h) = gamma0 where h > 0, else gamma0 (1 + delta_gamma |h|).
 #pragma once
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <vector>
 
 #include <hcbf/layout.hpp>
@@ -41,6 +47,87 @@ struct Own {
 inline Own own_of(const Settings& settings, Index i) {
   return {settings.vertices[settings.vertices.layers > 1 ? i : 0],
           settings.weights[settings.weights.rows > 1 ? i : 0]};
+}
+
+// Returns gamma0 of a priority; infinity for a strict level. `table` (1 + L,): delta_gamma, then
+// gamma0 of each priority from 2 on, the last one repeated.
+inline double gamma0_of(Vector<const double> table, Index priority) {
+  if (priority <= 1) return std::numeric_limits<double>::infinity();
+  return table[std::min(priority - 1, table.size - 1)];
+}
+
+// Returns lambda(h) of one row; infinity for one of a strict level.
+template <class Number>
+Number weight_of(Vector<const double> table, Index priority, const Number& h) {
+  return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h));
+}
+
+template <class Number>
+struct StateRowsOf {                // of one state
+  Matrix<const Number> a;           // (m, n_u) L_g psi_k, the row's gradient in the input
+  Vector<const Number> b;           // (m,) the row's lower bound
+  Vector<const Number> h;           // (m,) the barriers' values
+  Vector<const Index> priority;     // (m,) 1 is the highest and strict; 0 is of no row
+  Vector<const Number> alpha2_psi;  // (m,) alpha2(psi_k)
+};
+using StateRows = StateRowsOf<double>;
+
+struct CbfRows {  // of N states
+  Cube<const double> a;
+  Matrix<const double> b, h;
+  Matrix<const Index> priority;
+  Matrix<const double> alpha2_psi;
+  StateRows operator[](Index i) const { return {a[i], b[i], h[i], priority[i], alpha2_psi[i]}; }
+};
+
+inline bool are_finite(Vector<const double> numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
+}
+
+// Returns whether priorities are 1, 2, ... without a gap.
+inline bool has_no_gap(Vector<const Index> priority) {
+  Index levels = 0;
+  for (const Index rank : priority) {
+    if (rank < 1 || rank > priority.size) return false;
+    levels = std::max(levels, rank);
+  }
+  for (Index level = 1; level <= levels; ++level)
+    if (std::find(priority.begin(), priority.end(), level) == priority.end()) return false;
+  return true;
+}
+
+// Returns whether the rows are finite, with priorities 1, 2, ... without a gap.
+inline bool well_formed(const StateRows& rows) {
+  const Vector<const double> gradients{rows.a.data, rows.a.rows * rows.a.columns};
+  return are_finite(gradients) && are_finite(rows.b) && are_finite(rows.h) && has_no_gap(rows.priority);
+}
+
+// Of several that apply, the status is the last; see `FilterStatus` in hcbf_gym/programs/result.py.
+enum FilterStatus : Index { NOMINAL, SAFE, RELAXED, VIOLATED, UNSAFE, BACKUP };
+
+struct FilterResult {       // of N states, written to
+  Matrix<double> u;         // (N, n_u) the filtered inputs, in U
+  Matrix<double> slack;     // (N, m) violation of each row at u, max(0, b_k - a_k u)
+  Matrix<double> delta;     // (N, m) the program's own relaxation of each row
+  Vector<Index> status;     // (N,) `FilterStatus`
+  Vector<Index> fallbacks;  // (N,) how many projections took more than doubles or a second solver
+};
+
+// Returns by how much a row is violated, 0 where that is rounding. `lack`: b - a u; `norm`: |a|;
+// `radius`: the largest norm of an input.
+template <class Number>
+Number slack_of(const Number& lack, const Number& norm, const Number& b, double radius) {
+  return lack > tolerances::SLACK * (norm * radius + abs(b)) ? lack : 0.0;
+}
+
+// Writes the slack (m,) of one state's rows at u.
+inline void violation(Matrix<const double> a, Vector<const double> b, Vector<const double> u, double radius,
+                      Vector<double> slack) {
+  for (Index k = 0; k < b.size; ++k) {
+    double square = 0.0, lack = b[k];
+    for (Index j = 0; j < u.size; ++j) square += a(k, j) * a(k, j), lack -= a(k, j) * u[j];
+    slack[k] = slack_of(lack, std::sqrt(square), b[k], radius);
+  }
 }
 
 // What is known of a row on the cell of a search: nothing yet, that it is paid for, that it is not.

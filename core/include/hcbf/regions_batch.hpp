@@ -40,10 +40,10 @@ inline double least_along(Index kind, const double* c, Matrix<const double> way,
   constexpr double EXACT = 1e-8;  // a tangent is at least so exact, at a centre, too [m]
   double least = INF;
   PlanarJet at{INF, 0.0, 0.0, INF, 0.0, 0.0};  // there
-  shape_terms::Place of{0.0, 0.0};
+  shapes::Place of{0.0, 0.0};
   for (Index n = 0; n < way.rows; ++n) {
     const Index s = n > 0 ? n - 1 : way.rows - 1;
-    const auto q = shape_terms::in_frame(c, way(s, 0), way(s, 1), times[s]);
+    const auto q = shapes::in_frame(c, way(s, 0), way(s, 1), times[s]);
     if (at.h + at.gx * (q.x - of.x) + at.gy * (q.y - of.y) > least + EXACT) continue;
     const PlanarJet here = shapes::jet(kind, c, q.x, q.y);
     if (here.h < least) least = here.h, at = here, of = q;

@@ -2,7 +2,6 @@
 #pragma once
 #include <cmath>
 
-#include <hcbf/floor_division.hpp>
 #include <hcbf/matrices.hpp>
 
 namespace hcbf::rotation {
@@ -23,6 +22,22 @@ inline Matrix3 rotation_matrix(const Quaternion& quaternion) {
       {2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)},
       {2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)},
   }};
+}
+
+// Division as Python rounds it: down, so that remainders have the divisor's sign.
+inline double remainder(double a, double b) {
+  const double rest = std::fmod(a, b);
+  if (rest == 0.0) return std::copysign(0.0, b);
+  return (b < 0.0) != (rest < 0.0) ? rest + b : rest;
+}
+
+inline double quotient(double a, double b) {
+  const double rest = std::fmod(a, b);
+  double whole = (a - rest) / b;
+  if (rest != 0.0 && (b < 0.0) != (rest < 0.0)) whole -= 1.0;
+  if (whole == 0.0) return std::copysign(0.0, a / b);
+  const double floored = std::floor(whole);
+  return whole - floored > 0.5 ? floored + 1.0 : floored;
 }
 
 // The heading [rad].
@@ -59,6 +74,6 @@ inline Quaternion turned(const Quaternion& quaternion, const Vector3& rotation) 
 }
 
 // The equal angle in [−π, π).
-inline double wrap_angle(double angle) { return floor_division::remainder(angle + PI, 2.0 * PI) - PI; }
+inline double wrap_angle(double angle) { return rotation::remainder(angle + PI, 2.0 * PI) - PI; }
 
 }  // namespace hcbf::rotation

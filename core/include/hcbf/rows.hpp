@@ -160,7 +160,7 @@ inline Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& re
     const RowOf<Number> r = speed_row<Number>(h - reserved.margin, reserved.rate, vx, vy, v_max, s.alpha2, s);
     return {r.b, h, r.alpha2_psi, r.psi};
   }
-  const auto [qx, qy] = shape_terms::in_frame(c, x[0], x[1], t);
+  const auto [qx, qy] = shapes::in_frame(c, x[0], x[1], t);
   const Number rx = vx - c[layout::VELOCITY_X], ry = vy - c[layout::VELOCITY_Y];
   const PlanarJetOf<Number> at = shapes::jet(kind, c, qx, qy);
   a[0] = at.gx, a[1] = at.gy;
@@ -206,5 +206,17 @@ inline void rows(Matrix<const Index> kind, Cube<const double> parameters, Cube<c
       put(i, k, row(kind(i, k), c, reserved, x[i].data, t[i], settings, a[i][k].data), out);
     }
 }
+
+// Writes the rows of one state x (4,) at a time t: a (m, 2), and out (4, m).
+inline void of_state(Vector<const Index> kind, Matrix<const double> parameters, Matrix<const double> margin,
+                     const double* x, double t, const RowSettings& settings, Matrix<double> a,
+                     Matrix<double> out) {
+  const Index m = kind.size;
+  rows({kind.data, 1, m}, {parameters.data, 1, m, layout::WIDTH}, {margin.data, 4, 1, margin.columns},
+       {x, 1, 4}, {&t, 1}, settings, {a.data, 1, a.rows, 2}, {out.data, 4, 1, out.columns});
+}
+
+// Whether a condition is on the speed, not on the place.
+inline bool is_on_speed(Index kind) { return kind == layout::SPEED_LIMIT || kind == layout::ZONE; }
 
 }  // namespace hcbf::rows

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include <hcbf/constants.hpp>
-#include <hcbf/foothold.hpp>
+#include <hcbf/feet.hpp>
 #include <hcbf/locomotion_state.hpp>
 #include <hcbf/matrices.hpp>
 #include <hcbf/rotation.hpp>

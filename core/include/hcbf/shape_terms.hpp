@@ -19,21 +19,9 @@ inline bool is_region(Index kind) { return kind < layout::SPEED_LIMIT; }
 // Returns whether a barrier is a class of a map.
 inline bool is_mapped(Index kind) { return layout::MAPPED <= kind && kind <= layout::ZONES; }
 
-template <class Number>
-struct PlaceOf {
-  Number x, y;
-};
-using Place = PlaceOf<double>;
-
-// A point of the world (x, y) as the barrier's frame sees it at time t.
-template <class Number>
-PlaceOf<Number> in_frame(const Number* c, const Number& x, const Number& y, double t) {
-  return {x - c[layout::VELOCITY_X] * t, y - c[layout::VELOCITY_Y] * t};
-}
-
 // h of a region at a point of the world (x, y) and time t, ∇h, d and t; see `PlanarJet`.
 inline PlanarJet jet(Index kind, const double* c, double x, double y, double t) {
-  const auto [qx, qy] = in_frame(c, x, y, t);
+  const auto [qx, qy] = shapes::in_frame(c, x, y, t);
   return shapes::jet(kind, c, qx, qy);
 }
 

@@ -9,6 +9,18 @@
 
 namespace hcbf::shapes {
 
+template <class Number>
+struct PlaceOf {
+  Number x, y;
+};
+using Place = PlaceOf<double>;
+
+// A point of the world (x, y) as the barrier's frame sees it at time t.
+template <class Number>
+PlaceOf<Number> in_frame(const Number* c, const Number& x, const Number& y, double t) {
+  return {x - c[layout::VELOCITY_X] * t, y - c[layout::VELOCITY_Y] * t};
+}
+
 // H and its derivatives at a point of the shape's frame; H is infinite for what is no shape.
 template <class Number>
 inline PlanarJetOf<Number> jet(Index kind, const Number* c, const Number& x, const Number& y) {

@@ -12,7 +12,6 @@
 #include <hcbf/reason.hpp>
 #include <hcbf/reduced_order.hpp>
 #include <hcbf/report.hpp>
-#include <hcbf/status.hpp>
 
 namespace hcbf::state_check {
 
@@ -28,20 +27,16 @@ struct State {
   Vector<double> model;       // (n,) the reduced-order model's own
   Vector<double> lag;         // (n,) the body's minus the model's
   Matrix<double> covariance;  // (n, n) of x
-  Vector<double> believed;    // (n,) the last that was
+  Vector<double> accepted;    // (n,) the last that was
 };
 
 // The same of N plants.
 struct States {
   Matrix<double> x, model, lag;
   Cube<double> covariance;
-  Matrix<double> believed;
-  State operator[](Index i) const { return {x[i], model[i], lag[i], covariance[i], believed[i]}; }
+  Matrix<double> accepted;
+  State operator[](Index i) const { return {x[i], model[i], lag[i], covariance[i], accepted[i]}; }
 };
-
-inline State planar(plants::Plant& plant) {
-  return {{plant.x, 4}, {plant.model, 4}, {plant.lag, 4}, {plant.covariance[0], 4, 4}, {plant.believed, 4}};
-}
 
 inline void copy(Vector<const double> from, Vector<double> to) {
   for (Index k = 0; k < to.size; ++k) to[k] = from[k];
@@ -88,38 +83,35 @@ inline bool is_covariance(Matrix<const double> matrix) {
   return true;
 }
 
-// Returns whether a plant is where anything can be, and its covariance may be one.
-inline bool is_sound(const State& state) {
-  return are_near(state.x) && are_near(state.model) && are_near(state.lag) && is_covariance(state.covariance);
-}
-
 // Returns why a state is not accepted, 0 if it is; one that is accepted is remembered, and one after
 // none is a change.
 inline Index look(plants::Plant& plant, const State& state) {
   if (plant.has_model == 0) copy(state.x, state.model);
   Index why = plant.fault < reason::FIRST_ALARM ? plant.fault : 0;
-  if (why == 0 && !(is_sound(state) && std::abs(plant.heading) <= FARTHEST)) why = reason::STATE;
+  const bool is_sound = are_near(state.x) && are_near(state.model) && are_near(state.lag) &&
+                        is_covariance(state.covariance) && std::abs(plant.heading) <= FARTHEST;
+  if (why == 0 && !is_sound) why = reason::STATE;
   if (why == 0 && !std::isfinite(plant.time)) why = reason::CLOCK;
   const bool has_clock = plant.elapsed > 0.0 || plant.time != 0.0;
-  if (why == 0 && plant.known && plant.time <= plant.believed_at && has_clock) why = reason::CLOCK;
+  if (why == 0 && plant.known && plant.time <= plant.accepted_at && has_clock) why = reason::CLOCK;
   if (why != 0) {
     plant.follows = 0;
     return why;
   }
-  if (plant.follows == 0) plant.judged.news = status::NEWS;
-  copy(state.x, state.believed);
-  plant.believed_at = plant.time;
+  if (plant.follows == 0) plant.judged.change = conclusion::CHANGED;
+  copy(state.x, state.accepted);
+  plant.accepted_at = plant.time;
   plant.known = 1;
   return 0;
 }
 
 // Writes the state that was accepted last, which the model has propagated, for the present.
 inline void replace(plants::Plant& plant, const State& state) {
-  copy(state.believed, state.x);
-  copy(state.believed, state.model);
+  copy(state.accepted, state.x);
+  copy(state.accepted, state.model);
   for (Index k = 0; k < state.lag.size; ++k) state.lag[k] = 0.0;
   for (Index k = 0; k < state.covariance.rows * state.covariance.columns; ++k) state.covariance.data[k] = 0.0;
-  plant.time = plant.believed_at;
+  plant.time = plant.accepted_at;
 }
 
 // Notes by how much the velocity's covariance grows in one period; a fix does not change that. Of a
@@ -138,8 +130,9 @@ inline void grow(plants::Plant& plant, Index follows) {
 
 // Returns why a planar double integrator is not accepted, 0 if it is; then its model propagates.
 // `input`: (2,) applied since the last sample.
-inline Index believe(plants::Plant& plant, Vector<const double> input) {
-  const State state = planar(plant);
+inline Index check(plants::Plant& plant, Vector<const double> input) {
+  const State state{{plant.x, 4}, {plant.model, 4}, {plant.lag, 4}, {plant.covariance[0], 4, 4},
+                    {plant.accepted, 4}};
   const Index follows = plant.follows;
   const Index why = look(plant, state);
   if (why == 0) {
@@ -148,11 +141,11 @@ inline Index believe(plants::Plant& plant, Vector<const double> input) {
   }
   if (plant.known && plant.elapsed > 0.0) {
     const auto after =
-        reduced_order::double_integrator_step({plant.believed, 4}, input, plant.elapsed, INFINITY);
+        reduced_order::double_integrator_step({plant.accepted, 4}, input, plant.elapsed, INFINITY);
     plant.known = 1;
     for (const double value : after) plant.known &= std::abs(value) <= FARTHEST;
     if (plant.known)
-      for (Index k = 0; k < 4; ++k) plant.believed[k] = after[k];
+      for (Index k = 0; k < 4; ++k) plant.accepted[k] = after[k];
   }
   replace(plant, state);
   return why;
@@ -160,7 +153,7 @@ inline Index believe(plants::Plant& plant, Vector<const double> input) {
 
 // Looks at N plants of any model, writes the reasons, and returns whether there is one.
 // `velocity_at`: where x holds the planar velocity, -1 for nowhere.
-inline bool believe_all(Records<plants::Plant> sensed, const States& states, Index velocity_at,
+inline bool check_all(Records<plants::Plant> sensed, const States& states, Index velocity_at,
                         Records<report::Plant> told) {
   bool some = false;
   for (Index i = 0; i < sensed.size; ++i) {

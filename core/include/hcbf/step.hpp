@@ -19,16 +19,12 @@ namespace hcbf::step {
 using plants::Constants, plants::One, plants::Plants, program_records::Settings, work::Work;
 
 // What a call returns: nothing to do, u* is not finite, a scene is not of these plants, a warning is due.
-enum Said : Index { DONE, NOT_FINITE, MISSHAPED, ASKS };
-
-inline bool is_finite(Vector<const double> values) {
-  return std::all_of(values.begin(), values.end(), [](double each) { return std::isfinite(each); });
-}
+enum Answer : Index { DONE, NOT_FINITE, MISSHAPED, ASKS };
 
 // Returns what is wrong with the arrays, `DONE` for nothing; nothing is written.
-inline Said check(const Constants& c, const Plants& plants) {
+inline Answer check(const Constants& c, const Plants& plants) {
   for (Index i = 0; i < plants.reports.size; ++i)
-    if (!is_finite({plants.reports.tail(i), plants.n_u})) return NOT_FINITE;
+    if (!program_records::are_finite({plants.reports.tail(i), plants.n_u})) return NOT_FINITE;
   return fits(plants, c.guided && c.has_way) ? DONE : MISSHAPED;
 }
 
@@ -72,11 +68,20 @@ inline void filter_nearby(const Constants& c, const Settings& program, const One
   conclusion::conclude(c, p, w);
 }
 
+// Returns whether the state of a plant is valid, so that its problem can be posed; else it is brought to rest.
+inline bool is_posed(const Constants& c, const Settings& program, const One& p, Room& room) {
+  posing::look(c, p);
+  if (p.report.reason == 0) return true;
+  posing::brake(c, program, p, room.work);
+  conclusion::conclude_brake(c, p, room.work);
+  return false;
+}
+
 // Filters one plant, and returns whether a warning is due. `atlas`: where the pieces of maps are; empty
 // without a map.
 inline bool filter(const Constants& c, const Settings& program, const One& p, Vector<const double> atlas,
                    Room& room) {
-  posing::look(c, p);
+  if (!is_posed(c, program, p, room)) return true;
   if (atlas.size == 0) {
     filter_nearby(c, program, p, room.work);
   } else {

@@ -6,10 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include <hcbf/cbf_rows.hpp>
-#include <hcbf/margins.hpp>
 #include <hcbf/program_records.hpp>
-#include <hcbf/result.hpp>
+#include <hcbf/margins.hpp>
 #include <hcbf/rows.hpp>
 
 namespace hcbf::work {
@@ -29,7 +27,7 @@ class Work {
   Matrix<double> margin;     // (4, m) as `margins::derive` writes them
   Vector<bool> strict;       // (m,) which conditions are of rank 1 and on the position
   Matrix<double> straight;   // (M, 3) a and b of the rows on the acceleration, of differential drives
-  result::FilterResult answer;  // of the program, with a leading 1
+  program_records::FilterResult answer;  // of the program, with a leading 1
   program_records::Workspace polygons;
   double corners[8];  // (4, 2) the U of a differential drive
   // the same once more, for the point before an axle, or for its second problem
@@ -61,7 +59,7 @@ class Work {
   }
 
   // The rows as a program reads them, with a leading 1.
-  cbf_rows::CbfRows problem(Matrix<const double> gradients, Vector<const double> b) const {
+  program_records::CbfRows problem(Matrix<const double> gradients, Vector<const double> b) const {
     const Index total = priority.size;
     return {{gradients.data, 1, total, gradients.columns},
             {b.data, 1, total},

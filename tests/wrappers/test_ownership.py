@@ -17,6 +17,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Coverage
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
+from tests.worlds import World
 
 MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
 
@@ -43,33 +44,17 @@ class Pair(NamedTuple):
     first: object
 
 
-class Still(gym.Env):
-    """A robot that stands where it is."""
-
-    observation_space = gym.spaces.Box(-99.0, 99.0, (4,))
-
-    def __init__(self, model=MODELS[0]):
-        self.action_space = gym.spaces.Box(-5.0, 5.0, (model.n_u,), dtype=np.float64)
-        self.x = np.zeros(model.n)
-
-    def reset(self, *, seed=None, options=None):
-        return self.x.copy(), {"x": self.x.copy()}
-
-    def step(self, action):
-        return self.x.copy(), 0.0, False, False, {"x": self.x.copy()}
+def still(model=MODELS[0]):
+    return World(model)
 
 
-class Moving(Still):
-    """A double integrator."""
-
-    def step(self, action):
-        self.x = MODELS[0].step(self.x, action, 0.02)
-        return super().step(action)
+def moving():
+    return World(period=0.02)
 
 
 def single(barriers, model=MODELS[0]):
     plant = Plant(model, barriers, lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(Still(model), plant=plant)
+    env = wrappers.SafetyFilter(still(model), plant=plant)
     env.reset(seed=0)
     return lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
 
@@ -127,7 +112,7 @@ def test_a_source_of_barriers_that_fails_stops_the_robot_until_it_is_back(given,
     step = INPUTS[given](one)
     before = step()
     one.error = error
-    assert np.isnan(step())  # nothing is believed: no h is told
+    assert np.isnan(step())  # nothing is accepted: h is unknown
     one.error = None
     assert step() == before
 
@@ -155,7 +140,7 @@ def test_what_a_list_of_lists_holds_is_seen(inner):
         MODELS[0], lambda *_: scenes, lambda envs, *_: np.zeros((2, 4)), period=0.02,
         input_set=models.Box.symmetric(3.0),
     )  # fmt: skip
-    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Still]), plant=plant)
+    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [still]), plant=plant)
     envs.reset(seed=0)
     scenes[1][0] = post(10.0)
     h = envs.step(np.zeros((2, 2)))[4]["safety_filter"]["h"]
@@ -242,9 +227,9 @@ def test_a_policy_may_write_to_what_it_was_shown(reader, vector):
         input_set=models.Box.symmetric(5.0),
     )  # fmt: skip
     if vector:
-        env = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Moving]), plant=plant)
+        env = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [moving]), plant=plant)
     else:
-        env = wrappers.SafetyFilter(Moving(), plant=plant)
+        env = wrappers.SafetyFilter(moving(), plant=plant)
     observation, info = env.reset(seed=0)
     u = np.array([5.0, 0.0]) if not vector else np.tile([5.0, 0.0], (2, 1))
     for _ in range(200):
@@ -260,19 +245,18 @@ def test_a_policy_may_write_to_what_it_was_shown(reader, vector):
 def test_a_policy_may_write_to_it_whatever_holds_it(kind):
     show, read = SHOWN[kind]
 
-    class Shows(Moving):
-        def reset(self, *, seed=None, options=None):
-            return show(self.x.copy()), {}
+    class Shows(World):
+        def reset(self, **options):
+            return show(super().reset(**options)[0]), {}
 
         def step(self, action):
-            self.x = MODELS[0].step(self.x, action, 0.02)
-            return show(self.x.copy()), 0.0, False, False, {}
+            return show(super().step(action)[0]), 0.0, False, False, {}
 
     plant = Plant(
         MODELS[0], [post(3.0)], lambda env, observation, info: read(observation), period=0.02,
         input_set=models.Box.symmetric(5.0),
     )  # fmt: skip
-    env = wrappers.SafetyFilter(Shows(), plant=plant)
+    env = wrappers.SafetyFilter(Shows(period=0.02), plant=plant)
     observation, _ = env.reset(seed=0)
     for _ in range(200):
         read(observation)[:2] -= 5.0
@@ -287,7 +271,7 @@ def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
         MODELS[0], lambda *_: scene, lambda envs, *_: np.zeros((2, 4)), period=0.02,
         input_set=models.Box.symmetric(3.0), covered=Coverage.COVERED,
     )  # fmt: skip
-    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [Still]), plant=plant)
+    envs = wrappers.VectorSafetyFilter(gym.vector.SyncVectorEnv(2 * [still]), plant=plant)
     envs.reset(seed=0)
     reports = []
     for at in (30.0, 30.0, 20.0, 20.0, 10.0):
@@ -299,28 +283,28 @@ def test_reports_of_a_batch_stay_as_they_were_and_may_be_written_to():
         for name, value in then.items():
             np.testing.assert_array_equal(report[name], value, name)
     before = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
-    said = {name: np.array(before[name]) for name in ("covered", "covered_by", "alpha1_scale")}
+    answers = {name: np.array(before[name]) for name in ("covered", "covered_by", "alpha1_scale")}
     for value in before.values():
         value[...] = 7
     after = envs.step(np.zeros((2, 2)))[4]["safety_filter"]
-    for name, value in said.items():
+    for name, value in answers.items():
         np.testing.assert_array_equal(after[name], value, name)
 
 
 @pytest.mark.filterwarnings("ignore:safety filter")
 def test_guidance_looks_at_a_list_that_was_changed_and_set_again():
     listed = [post(2.0)]
-    door = VelocityFilter("cart", listed, goal=(6.0, 0.0), guidance="geodesic")
+    subject = VelocityFilter("cart", listed, goal=(6.0, 0.0), guidance="geodesic")
     looked = []
     for k, new in enumerate((None, Disc("other", 1, center=(2.0, 1.5), radius=1.2))):
         if new is not None:
             listed.append(new)
-            door.barriers = listed
-        door.step((0.3, 0.0), np.zeros(3), np.zeros(3), 5.0 * k)
-        looked.append(door._led_from)
+            subject.barriers = listed
+        subject.step((0.3, 0.0), np.zeros(3), np.zeros(3), 5.0 * k)
+        looked.append(subject._led_from)
     assert looked == [0.0, 5.0]
     with pytest.raises(ValueError, match="read-only"):
-        door.goal[:] = 0.0
+        subject.goal[:] = 0.0
 
 
 class Grown(Disc):
@@ -336,11 +320,11 @@ class Grown(Disc):
 @pytest.mark.parametrize("start", [0.0, 5000.0])
 def test_ones_own_kind_of_shape_is_looked_at_as_it_is_wherever_it_lies(start):
     one = Grown("grown", 1, center=(start + 3.0, 0.0), radius=0.5)
-    door = VelocityFilter("cart", [one], period=0.05)
+    subject = VelocityFilter("cart", [one], period=0.05)
     pose, twist = np.array([start, 0.0, 0.0]), np.zeros(3)
-    before = door.step((0.0, 0.0), pose, twist, 0.0)[1]["h"][0]
+    before = subject.step((0.0, 0.0), pose, twist, 0.0)[1]["h"][0]
     object.__setattr__(one, "extra", 1.0)
-    assert before - door.step((0.0, 0.0), pose, twist, 0.05)[1]["h"][0] == pytest.approx(1.0)
+    assert before - subject.step((0.0, 0.0), pose, twist, 0.05)[1]["h"][0] == pytest.approx(1.0)
 
 
 def test_an_action_may_be_written_to():
@@ -352,7 +336,7 @@ def test_an_action_may_be_written_to():
         MODELS[0], [post(30.0)], lambda env, *_: env.x.copy(), period=0.02, to_action=to_action,
         from_action=lambda action: action, input_set=models.Box.symmetric(3.0),
     )  # fmt: skip
-    env = wrappers.SafetyFilter(Still(), plant=plant)
+    env = wrappers.SafetyFilter(still(), plant=plant)
     env.reset(seed=0)
     report = env.step(np.array([1.0, 0.0]))[4]["safety_filter"]
     np.testing.assert_array_equal(report["u_safe"], report["u_nominal"])

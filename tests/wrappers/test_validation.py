@@ -176,3 +176,16 @@ def test_a_set_that_becomes_one_of_other_plants_is_refused_in_words(plants):
     scene.kind = np.repeat(scene.kind[:1], plants, axis=0)
     with pytest.raises(InvalidInputError, match="for 3 plants"):
         env.step(np.zeros((3, 2), dtype=np.float32))
+
+
+def test_single_environments_that_are_joined_are_refused_with_the_remedy():
+    joined = gym.make_vec("HCBF-Regions-v0", num_envs=2, vectorization_mode="sync")
+    with pytest.raises(InvalidInputError, match="put a SafetyFilter on each"):
+        wrappers.VectorSafetyFilter(joined)
+
+
+@pytest.mark.parametrize("states", [2, 5])
+def test_weights_of_another_number_of_states_are_refused(states):
+    envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
+    with pytest.raises(InvalidInputError, match=f"{states} states, expected 3"):
+        wrappers.VectorSafetyFilter(envs, "h-cbf-qp", gamma0=np.ones((states, 2)))

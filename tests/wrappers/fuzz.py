@@ -1,6 +1,6 @@
 """Passes malformed values to filters in another process, and counts what became of them.
 
-``python -m tests.wrappers.bent 20000`` prints how many were refused, braked and filtered.
+``python -m tests.wrappers.fuzz 20000`` prints how many were refused, braked and filtered.
 """
 
 import copy
@@ -28,7 +28,7 @@ from hcbf_gym.programs import FilterStatus
 PERIOD = 0.02
 GOOD = np.array([0.1, -0.2, 0.4, 0.3])
 WALL = barriers.HalfPlane("wall", 1, (0.0, 1.0), -3.0)
-TOLD: Counter = Counter()
+COUNTED: Counter = Counter()
 
 numbers = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -165,9 +165,9 @@ class Point(gym.Env):
         return GOOD.copy(), 0.0, False, False, {}
 
 
-def is_sound(told) -> bool:
+def is_sound(reported) -> bool:
     """Whether a filter may accept what it gets, judged independently."""
-    estimate = told if isinstance(told, Estimate) else Estimate(told)
+    estimate = reported if isinstance(reported, Estimate) else Estimate(reported)
 
     def fits(value, *allowed):
         try:
@@ -191,7 +191,7 @@ def is_sound(told) -> bool:
     return sound and all(value is None or fits(value, *allowed) for value, allowed in optional)
 
 
-def drive(env, told, steps=3) -> list:
+def drive(env, reported, steps=3) -> list:
     """Reset and step an environment; return the reports."""
     reports = [env.reset(seed=0)[1]["safety_filter"]]
     reports += [env.step(np.array([3.0, -2.0]))[4]["safety_filter"] for _ in range(steps)]
@@ -201,37 +201,37 @@ def drive(env, told, steps=3) -> list:
 
 
 @given(estimates, st.booleans(), st.sampled_from([None, "daqp"]))
-def state(told, from_the_start, solver):
-    sees = iter([told] * 9 if from_the_start else [GOOD, GOOD, *[told] * 7])
+def state(reported, from_the_start, solver):
+    sees = iter([reported] * 9 if from_the_start else [GOOD, GOOD, *[reported] * 7])
     plant = hcbf_gym.Plant(
         models.DoubleIntegrator(), (WALL,), lambda *_: next(sees), period=PERIOD, max_age=0.1
     )
     env = wrappers.SafetyFilter(Point(), plant=plant, solver=solver)
-    reports = drive(env, told)
-    if not is_sound(told):
-        TOLD["braked"] += 1
+    reports = drive(env, reported)
+    if not is_sound(reported):
+        COUNTED["braked"] += 1
         assert reports[-1]["status"] == FilterStatus.BACKUP, reports[-1]
         assert reports[-1]["reason"] > 0
 
 
 @given(listed, st.booleans(), st.sampled_from([None, "daqp"]))
-def barrier(told, reader, solver):
-    given_barriers = (lambda *_: told) if reader else told
+def barrier(reported, reader, solver):
+    given_barriers = (lambda *_: reported) if reader else reported
     plant = hcbf_gym.Plant(
         models.DoubleIntegrator(), given_barriers, lambda *_: GOOD.copy(), period=PERIOD
     )
-    reports = drive(wrappers.SafetyFilter(Point(), plant=plant, solver=solver), told)
-    if not isinstance(told, list | tuple) or any(b is None for b in told):
+    reports = drive(wrappers.SafetyFilter(Point(), plant=plant, solver=solver), reported)
+    if not isinstance(reported, list | tuple) or any(b is None for b in reported):
         assert reports[-1]["status"] == FilterStatus.BACKUP
-        TOLD["braked"] += 1
+        COUNTED["braked"] += 1
 
 
 @given(values, st.sampled_from([None, "daqp"]))
-def action(told, solver):
+def action(reported, solver):
     env = gym.make("HCBF-Regions-v0", scenario="paper-simulation", disable_env_checker=True)
     env = wrappers.SafetyFilter(env, solver=solver)
     env.reset(seed=0)
-    report = env.step(told)[4]["safety_filter"]
+    report = env.step(reported)[4]["safety_filter"]
     assert np.isfinite(report["u_nominal"]).all()
 
 
@@ -243,18 +243,18 @@ PLANT = ("period", "brake", "max_age", "goal", "extent", "covered", "on_alarm", 
     st.one_of(values, st.builds(Uncertainty, values, numbers, numbers, numbers, numbers, values)),
     st.sampled_from([None, "geodesic", "local"]),
 )
-def plant(name, told, guidance):
-    fields: dict = {"period": PERIOD, "goal": (2.0, 0.0)} | {name: told}
+def plant(name, reported, guidance):
+    fields: dict = {"period": PERIOD, "goal": (2.0, 0.0)} | {name: reported}
     made = hcbf_gym.Plant(models.DoubleIntegrator(), (WALL,), lambda *_: GOOD.copy(), **fields)
-    drive(wrappers.SafetyFilter(Point(), plant=made, guidance=guidance), told)
+    drive(wrappers.SafetyFilter(Point(), plant=made, guidance=guidance), reported)
 
 
 FILTER = ("rows", "margin", "gamma0", "delta_gamma", "lambda_u", "alpha1", "alpha2", "on_alarm")
 
 
 @given(st.sampled_from(FILTER), values, st.booleans())
-def argument(name, told, many):
-    options: dict = {"program": "h-cbf-qp"} | {name: told}
+def argument(name, reported, many):
+    options: dict = {"program": "h-cbf-qp"} | {name: reported}
     if many:
         envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
         envs = wrappers.VectorSafetyFilter(envs, **options)
@@ -262,7 +262,7 @@ def argument(name, told, many):
         envs.step(np.full((3, 2), 2.0))
     else:
         env = gym.make("HCBF-Regions-v0", scenario="random")
-        drive(wrappers.SafetyFilter(env, **options), told)
+        drive(wrappers.SafetyFilter(env, **options), reported)
 
 
 @given(values, values)
@@ -312,17 +312,17 @@ STARTS = st.dictionaries(st.sampled_from(["scenario", "start", "other"]), values
 
 
 @given(scenes(), STARTS, st.sampled_from(["argument", "reset", "batch", "A1", "options"]))
-def scene(told, options, door):
+def scene(reported, options, filt):
     u = np.array([3.0, -2.0])
-    if door == "A1":
-        env = wrappers.SafetyFilter(gym.make("HCBF-A1Regions-v0", scenario=told))
-    elif door == "batch":
-        env = gym.make_vec("HCBF-Regions-v0", num_envs=2, scenario=told)
+    if filt == "A1":
+        env = wrappers.SafetyFilter(gym.make("HCBF-A1Regions-v0", scenario=reported))
+    elif filt == "batch":
+        env = gym.make_vec("HCBF-Regions-v0", num_envs=2, scenario=reported)
         env, u = wrappers.VectorSafetyFilter(env), np.stack([u, -u])
     else:
-        start = told if door == "argument" else "random"
+        start = reported if filt == "argument" else "random"
         env = wrappers.SafetyFilter(gym.make("HCBF-Regions-v0", scenario=start))
-    asked = {"reset": {"scenario": told}, "options": options}.get(door)
+    asked = {"reset": {"scenario": reported}, "options": options}.get(filt)
     observation, info = env.reset(seed=0, options=asked)
     for _ in range(3):
         observation, _, _, _, info = env.step(u)
@@ -330,34 +330,34 @@ def scene(told, options, door):
     assert np.isfinite(observation).all()
 
 
-class ToldBatch(RegionsVectorEnv):
+class ReportingBatch(RegionsVectorEnv):
     """This package's batch with malformed states."""
 
-    told: Any = None
+    reported: Any = None
 
     @property
     def plant(self):
-        return dataclasses.replace(super().plant, state=lambda *_: self.told)
+        return dataclasses.replace(super().plant, state=lambda *_: self.reported)
 
 
-class ForeignBatch(ToldBatch):
+class ForeignBatch(ReportingBatch):
     """Another batch, which brings its plant."""
 
     @property
     def plant(self):
-        return self.told
+        return self.reported
 
 
-@given(estimates, st.sampled_from([ToldBatch, ForeignBatch]))
-def batch(told, kind):
+@given(estimates, st.sampled_from([ReportingBatch, ForeignBatch]))
+def batch(reported, kind):
     envs = kind(2, scenario="random")
-    envs.told = told
+    envs.reported = reported
     filtered = wrappers.VectorSafetyFilter(envs)
     _, info = filtered.reset(seed=0)
     for _ in range(2):
         _, _, _, _, info = filtered.step(np.full((2, 2), 3.0))
     assert np.isfinite(info["safety_filter"]["u_safe"]).all()
-    estimate = told if isinstance(told, Estimate) else Estimate(told)
+    estimate = reported if isinstance(reported, Estimate) else Estimate(reported)
     if getattr(estimate.x, "shape", None) != (2, 4):
         assert (info["safety_filter"]["status"] == FilterStatus.BACKUP).all()
 
@@ -375,21 +375,26 @@ places_or_values = st.one_of(
     st.sampled_from([None, "daqp"]),
     st.integers(0, 2),
 )
-def guided(goal, told, extent, guidance, solver, resets):
+def guided(goal, reported, extent, guidance, solver, resets):
     """Guidance before a reset, after one that failed, and with malformed goals and states."""
     plant = hcbf_gym.Plant(
-        models.DoubleIntegrator(), (WALL,), lambda *_: told, period=PERIOD, goal=goal, extent=extent
+        models.DoubleIntegrator(),
+        (WALL,),
+        lambda *_: reported,
+        period=PERIOD,
+        goal=goal,
+        extent=extent,
     )
     env = wrappers.SafetyFilter(Point(), plant=plant, guidance=guidance, solver=solver)
     for _ in range(resets):
         try:
             env.reset(seed=0)
         except HcbfError:
-            TOLD["no way"] += 1
+            COUNTED["no way"] += 1
     for _ in range(3):
         report = env.step(np.array([3.0, -2.0]))[4]["safety_filter"]
         assert np.isfinite(report["u_safe"]).all()
-        assert is_sound(told) or report["status"] == FilterStatus.BACKUP
+        assert is_sound(reported) or report["status"] == FilterStatus.BACKUP
 
 
 @given(
@@ -402,8 +407,8 @@ def driven(goal, poses, twist, guidance):
     """A user's loop, whose messages are malformed from the first one on."""
     loop = hcbf_robots.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
     for k, pose in enumerate(poses):
-        told = (0.0, 0.0, 0.0) if type(twist) is float and twist == 0.0 else twist
-        command, report = loop.step((0.5, 0.1, 0.0), pose, told, 0.05 * k)
+        reported = (0.0, 0.0, 0.0) if type(twist) is float and twist == 0.0 else twist
+        command, report = loop.step((0.5, 0.1, 0.0), pose, reported, 0.05 * k)
         assert np.isfinite(command).all()
         assert np.isfinite(report["u_safe"]).all()
 
@@ -428,13 +433,13 @@ def main(count: int) -> None:
         inner = case.hypothesis.inner_test
 
         def judged(inner=inner, case_name=inner.__name__, **arguments):
-            TOLD[case_name] += 1
+            COUNTED[case_name] += 1
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 try:
                     inner(**arguments)
                 except HcbfError:
-                    TOLD["refused"] += 1
+                    COUNTED["refused"] += 1
 
         case.hypothesis.inner_test = judged
         settings(
@@ -445,7 +450,7 @@ def main(count: int) -> None:
             phases=[Phase.generate, Phase.shrink],
             suppress_health_check=list(HealthCheck),
         )(case)()
-    print(dict(TOLD))
+    print(dict(COUNTED))
 
 
 if __name__ == "__main__":

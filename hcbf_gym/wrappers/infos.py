@@ -1,6 +1,5 @@
-"""A plant's readers at every step: one that raises is one that knows nothing."""
+"""Infos of one or N environments, as a plant's readers see them: NaN for what is missing."""
 
-import math
 from collections.abc import Mapping
 from copy import copy
 from typing import Any
@@ -9,78 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Info, Mask
-from hcbf_gym.errors import SafetyWarning, warn_caller
-from hcbf_gym.models.plant import Coverage, Estimate, Plant
-
-Seen = tuple[Any, Estimate, tuple[Any, Any] | None]
-"""Barriers, estimate, and goal and extent where guidance leads; of a reader that raised None, of an
-extent NaN."""
-
-
-class Readers:
-    """Reads a plant; what raises is warned of once, and nothing is known.
-
-    Args:
-        plant: whose readers they are.
-        guides: whether guidance leads it, so that goal and extent are read.
-    """
-
-    def __init__(self, plant: Plant, guides: bool):
-        self._plant, self._guides = plant, guides
-        self._said: set[str] = set()
-
-    def __call__(self, env: object, observation: object, info: Info, first: bool = False) -> Seen:
-        """Return what is known of the plant now.
-
-        Args:
-            env: unwrapped.
-            observation: the latest.
-            info: the latest.
-            first: whether nothing has been filtered yet: what a reader raises is raised.
-        """
-        plant, seen = self._plant, (env, observation, info)
-        barriers = self._read("barriers", plant.barriers, seen, first)
-        state = self._read("state", plant.state, seen, first)
-        world = None
-        if self._guides:
-            goal = self._read("goal", plant.goal, seen, first)
-            world = goal, self._read("extent", plant.extent, seen, first, unknown=math.nan)
-        return barriers, state if isinstance(state, Estimate) else Estimate(state), world
-
-    def covered(self, env: object, observation: object, info: Info, first: bool) -> Any:
-        """Return whether the promise was tested for the episodes that begin."""
-        said = self._read("covered", self._plant.covered, (env, observation, info), first)
-        return Coverage.OUTSIDE if said is None else said
-
-    def _read(
-        self,
-        name: str,
-        source: Any,
-        seen: tuple[Any, Any, Info],
-        first: bool,
-        unknown: float | None = None,
-    ) -> Any:
-        """Return a field of the plant as it is now, `unknown` where its reader raises."""
-        if not callable(source):
-            return source
-        try:
-            return source(*seen)
-        except Exception as error:  # whatever a user's sensor raises, the robot has to stop
-            if first:
-                error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
-                raise
-            self._say(name, error)
-            return unknown
-
-    def _say(self, name: str, error: Exception) -> None:
-        """Warn of a reader that raised, once of each."""
-        if name not in self._said:
-            self._said.add(name)
-            warn_caller(
-                f"safety filter: the reader of the {name} raised {error!r}; "
-                + ("covered is 0" if name == "covered" else "the filter brakes until that ends"),
-                SafetyWarning,
-            )
 
 
 def copied(value: Any) -> Any:
@@ -90,7 +17,7 @@ def copied(value: Any) -> Any:
     if type(value) is dict:
         return {name: copied(one) for name, one in value.items()}
     if isinstance(value, dict):
-        kept = copy(value)  # of its own kind
+        kept = copy(value)  # of the same kind
         kept.update((name, copied(one)) for name, one in value.items())
         return kept
     if isinstance(value, tuple):
@@ -107,7 +34,7 @@ def reported(infos: Info, reports: Mask | None = None) -> Info:
     Gymnasium fills in zeros or None there. Whole numbers become floats where one is missing.
 
     Args:
-        infos: beside an entry `key` stands `_key`, (N,) which environments report it.
+        infos: `_key` is (N,) which environments report `key`.
         reports: (N,) which environments report entries without such a mask; None for all.
     """
     found = dict(infos)
@@ -127,7 +54,7 @@ def joined(infos: Info, before: Info, begins: Mask) -> Info:
 
     Args:
         infos: of a reset of some environments, as `reported` returns them.
-        before: the infos before it, likewise.
+        before: the infos before it.
         begins: (N,) which were reset.
     """
     found = dict(before) | infos

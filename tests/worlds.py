@@ -1,0 +1,54 @@
+"""Environments of the filters' tests: plants that are their model, in a loop or at rest."""
+
+import gymnasium as gym
+import numpy as np
+
+from hcbf_gym.models import ControlAffine, DoubleIntegrator
+
+
+class World(gym.Env):
+    """A plant that is its model; observation and infos hold x.
+
+    Args:
+        model: None is the planar double integrator.
+        period: of a step [s]; None is at rest.
+        limit: of each input.
+        start: x at a reset; None is 0.
+    """
+
+    def __init__(self, model=None, period=None, limit=5.0, start=None):
+        self.model, self.period = model or DoubleIntegrator(), period
+        n, n_u = self.model.n, self.model.n_u
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (n,), np.float64)
+        self.action_space = gym.spaces.Box(-limit, limit, (n_u,), np.float64)
+        self.start = np.zeros(n) if start is None else np.array(start, dtype=float)
+        self.x, self.applied = self.start.copy(), []
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = self.start.copy()
+        return self.x.copy(), {"x": self.x.copy()}
+
+    def step(self, action):
+        self.applied.append(np.array(action))
+        self.x = self.advance(np.asarray(action, dtype=float))
+        return self.x.copy(), 0.0, False, False, {"x": self.x.copy()}
+
+    def advance(self, u):
+        return self.x if self.period is None else self.model.step(self.x, u, self.period)
+
+
+def read_x(env, observation, info):
+    """Return the state, as a plant's reader."""
+    return env.x.copy()
+
+
+def boat():
+    """Return a user's model in NumPy: a double integrator with two drags."""
+    return ControlAffine(
+        lambda x: np.array([x[2], x[3], -0.5 * x[2], -0.2 * x[3]]),
+        lambda x: np.vstack([np.zeros((2, 2)), np.eye(2)]),
+        n=4,
+        n_u=2,
+        velocity_at=2,
+    )
