@@ -80,7 +80,7 @@ class One(gym.Env):
         self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
         self.plant = hcbf_gym.Plant(model, scene, lambda env, *_: env.answers(), period=T)
 
-    def said(self):
+    def answers(self):
         all_of_them = np.tile(self.x, (N, 1))
         told = self.lies(all_of_them, self.steps)
         return told[self.i] if isinstance(told, np.ndarray) else told

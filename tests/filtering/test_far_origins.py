@@ -164,7 +164,7 @@ class Boat(gym.Env):
             lambda env, *_: env.answers(), period=T, brake=brake,
         )  # fmt: skip
 
-    def said(self):
+    def answers(self):
         return self.x.copy()
 
     def reset(self, *, seed=None, options=None):
@@ -197,7 +197,7 @@ def test_a_brake_gets_the_state_as_the_plant_gives_it():
     safe = SafetyFilter(env)
     safe.reset()
     safe.step(np.zeros(2))
-    env.said = lambda: np.full(4, np.nan)
+    env.answers = lambda: np.full(4, np.nan)
     with pytest.warns(SafetyWarning):
         safe.step(np.zeros(2))
     np.testing.assert_allclose(env.braked_at, env.x, atol=1e-6)
@@ -216,9 +216,9 @@ def test_what_cannot_be_moved_stops_the_robot_with_a_warning():
 @pytest.mark.filterwarnings("ignore:.*brakes until")
 def test_an_invalid_state_does_not_decide():
     env = Boat([Disc("disc", 1, (UTM[0] + 3.0, UTM[1]), 0.5)])
-    said, env.said = env.said, lambda: Estimate(np.zeros(4), age=np.inf)
+    answers, env.answers = env.answers, lambda: Estimate(np.zeros(4), age=np.inf)
     safe = SafetyFilter(env)
     safe.reset()
     safe.step(np.zeros(2))
-    env.said = said
+    env.answers = answers
     assert safe.step(np.zeros(2))[4]["safety_filter"]["reason"] == Reason.NONE
