@@ -244,20 +244,20 @@ def test_the_common_solvers_that_are_installed_find_the_same_input(name):
         assert result.status is expected.status
 
 
+@pytest.mark.parametrize("solver", ["daqp", "clarabel"])
 @pytest.mark.parametrize("name", NAMES)
-def test_the_common_solvers_that_are_installed_agree_with_the_core(name):
-    for solver in set(qp.solver_names()) & COMMON_SOLVERS:
-        rng = np.random.default_rng(2)
-        for n_u in (1, 2, 3, 5):
-            box = Box.symmetric(4.0, n_u=n_u)
-            core, named = (programs.make(name, input_set=box, solver=one) for one in (None, solver))
-            for _ in range(10 if solver in ("daqp", "clarabel") else 2):
-                a, b = rng.normal(0.0, 1.0, (5, n_u)), rng.normal(0.0, 5.0, 5)
-                rows, u_nominal = rows_of(a, b, [1, 2, 3, 2, 1]), rng.normal(0.0, 3.0, n_u)
-                one, other = core(u_nominal, rows), named(u_nominal, rows)
-                np.testing.assert_allclose(one.u, other.u, atol=2e-6, err_msg=solver)
-                np.testing.assert_allclose(one.delta, other.delta, atol=2e-5, err_msg=solver)
-                assert one.status is other.status
+def test_a_solver_by_name_agrees_with_the_core_beyond_the_plane(name, solver):
+    rng = np.random.default_rng(2)
+    for n_u in (1, 3, 5):
+        box = Box.symmetric(4.0, n_u=n_u)
+        core, named = (programs.make(name, input_set=box, solver=one) for one in (None, solver))
+        for _ in range(10):
+            rows = rows_of(rng.normal(0.0, 1.0, (5, n_u)), rng.normal(0.0, 5.0, 5), [1, 2, 3, 2, 1])
+            u_nominal = rng.normal(0.0, 3.0, n_u)
+            one, other = core(u_nominal, rows), named(u_nominal, rows)
+            np.testing.assert_allclose(one.u, other.u, atol=2e-6)
+            np.testing.assert_allclose(one.delta, other.delta, atol=2e-5)
+            assert one.status is other.status
 
 
 def test_a_point_of_the_core_meets_the_optimality_conditions():
