@@ -17,7 +17,7 @@ from hcbf_gym.errors import (
     text,
 )
 from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, Family, Hooks, Moment
+from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
 from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
@@ -65,6 +65,7 @@ def register(
     *,
     shapes: int,
     v_max: float | None = V_MAX,
+    draw_many: DrawMany | None = None,
     floor: Callable[[], Floor] | None = None,
     hooks: Hooks = NO_HOOKS,
 ) -> None:
@@ -79,11 +80,14 @@ def register(
             with its generator.
         shapes: m, how many shapes each scene has, walls included.
         v_max: strict cap on the speed [m/s]; None for none.
+        draw_many: (N generators, the N scenes' arrays) the same for many at once, equal bit for
+            bit; registration compares them on some seeds.
         floor: returns the map on which the shapes are; None for none.
         hooks: observation, reward and costs of the family.
 
     Raises:
-        InvalidInputError: if the name is taken or no name, or a number is out of range.
+        InvalidInputError: if the name is taken or no name, a number is out of range, or
+            `draw_many` fills other scenes than `draw`.
     """
     name = text("family", name)
     if not name or set(name) & set(":/ "):
@@ -91,7 +95,7 @@ def register(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
     instance(f"family {name!r}: hooks", hooks, Hooks)
-    for what, given in (("draw", draw), ("floor", floor)):
+    for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
         if not (callable(given) or (given is None and what != "draw")):
             raise InvalidInputError(
                 f"family {name!r}: {what}: got {shown(given)}, expected a function"
@@ -99,12 +103,14 @@ def register(
     count(f"family {name!r}: shapes", shapes, minimum=0 if floor else 1)
     if v_max is not None:
         v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
-    made = Family(name, draw, shapes, v_max, floor, hooks)
+    made = Family(name, draw, shapes, v_max, draw_many, floor, hooks)
     before = _FAMILIES.get(name)
     if name in _NAMED or not (before is None or before.is_from_where(made)):
         raise InvalidInputError(
             f"family: got {name!r}, expected a name that is not taken: {names()}"
         )
+    if draw_many is not None:
+        made.check_many()
     _FAMILIES[name] = made
 
 

@@ -20,6 +20,9 @@ from hcbf_gym.scenarios.scene import ASPECT, HALF_PLANE, RADIUS, SHAPE, Scene, X
 V_MAX = 1.0
 """Strict cap on the speed [m/s] of the shipped families, low enough for the A1 to follow."""
 
+_TRIED = range(8)
+"""Seeds on which `draw_many` is compared with `draw`."""
+
 
 class Moment(NamedTuple):
     """What hooks get of N robots at the end of a control step, or at a reset.
@@ -65,6 +68,7 @@ class Hooks(NamedTuple):
 
 NO_HOOKS = Hooks()
 Draw = Callable[[np.random.Generator, Scene], None]
+DrawMany = Callable[[Sequence[np.random.Generator], Scene], None]
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ class Family:
     draw: Draw
     shapes: int
     v_max: float | None = V_MAX
+    draw_many: DrawMany | None = None
     floor: Callable[[], Floor] | None = None
     hooks: Hooks = NO_HOOKS
 
@@ -85,10 +90,33 @@ class Family:
             InvalidInputError: if a scene is not filled, or a number of it is out of range.
         """
         scenes = Scene.unfilled(len(generators), self.shapes)
-        for i, generator in enumerate(generators):
-            self.draw(generator, scenes.one(i))
+        if self.draw_many is not None:
+            self.draw_many(generators, scenes)
+        else:
+            for i, generator in enumerate(generators):
+                self.draw(generator, scenes.one(i))
         self._check(scenes)
         return scenes
+
+    def check_many(self) -> None:
+        """Refuse a `draw_many` that fails, or fills other scenes than `draw`."""
+        try:
+            many = self.drawn([np.random.default_rng(seed) for seed in _TRIED])
+        except InvalidInputError:
+            raise
+        except Exception as error:  # of the user's function
+            raise InvalidInputError(
+                f"family {self.name!r}: draw_many: got {error!r}, expected it to fill N scenes"
+            ) from error
+        for i, seed in enumerate(_TRIED):
+            single = Scene.unfilled(self.shapes)
+            self.draw(np.random.default_rng(seed), single)
+            for name, a, b in zip(Scene._fields, single, many.one(i), strict=True):
+                if a.tobytes() != b.tobytes():
+                    raise InvalidInputError(
+                        f"family {self.name!r}: got other {name} from draw_many than from draw "
+                        f"with the generator of seed {seed}, expected them equal bit for bit"
+                    )
 
     def _check(self, scenes: Scene) -> None:
         """Refuse scenes (N, …) that are not filled or out of range."""

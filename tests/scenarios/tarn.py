@@ -25,6 +25,12 @@ def draw(generator, scene):
     scene.velocities[-1] = 0.0, 0.1 * numbers[0]
 
 
+def draw_many(generators, scenes):
+    """The same for N: here one after the other."""
+    for i, generator in enumerate(generators):
+        draw(generator, scenes.one(i))
+
+
 def observe(x, reference, sensed):
     """Where the goal is, and the least h: four numbers."""
     return np.column_stack([reference[:, :2] - x[:, :2], x[:, 2], sensed[:, :, 0].min(axis=1)])
@@ -40,5 +46,5 @@ def costs(moment):
     return np.column_stack([moment.min_h.min(axis=1), np.abs(moment.x[:, 2])])
 
 
-scenarios.register("tarn", draw, shapes=2 + PONDS, v_max=0.8)
+scenarios.register("tarn", draw, shapes=2 + PONDS, v_max=0.8, draw_many=draw_many)
 scenarios.register("tarn-seen", draw, shapes=2 + PONDS, hooks=Hooks(observe, reward, costs))

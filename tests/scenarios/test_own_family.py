@@ -150,6 +150,13 @@ def test_a_malformed_family_is_refused():
         fill(generator, scene)
         scene.ranks[:] = 2
 
+    def other(generators, scenes):
+        for i, generator in enumerate(generators):
+            fill(generator, scenes.one(i))
+            scenes.goal[i] += 1e-12
+
+    with pytest.raises(InvalidInputError, match="bit for bit"):
+        scenarios.register("uneven", fill, shapes=1, draw_many=other)
     for name, draw, expected in (("half", half, "fill all"), ("gap", gap, "without a gap")):
         scenarios.register(name, draw, shapes=1)
         with pytest.raises(InvalidInputError, match=expected):
