@@ -4,9 +4,9 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
-from hcbf_gym.errors import MOST, InvalidInputError, shown, text
+from hcbf_gym.errors import MOST, InvalidInputError, choose, shown, text
 from hcbf_gym.records import check_place
 
 
@@ -39,24 +39,32 @@ class Output:
 Folder = Annotated[Path, Output()]
 
 
-def check(args: Any) -> None:
-    """Refuse numbers out of their range, malformed text, and places that cannot be written to.
+def check(args: Any, prefix: str = "--") -> None:
+    """Refuse numbers out of their range, unknown choices, malformed text, and unusable places.
 
     Args:
-        args: a dataclass of a command's arguments.
+        args: a dataclass of a command's arguments, or one that is made in Python.
+        prefix: of the arguments' names in messages.
 
     Raises:
         InvalidInputError: on the first of them; the message names the argument.
+        UnknownNameError: on an unknown choice.
     """
     hints = get_type_hints(type(args), include_extras=True)
     for field in dataclasses.fields(args):
-        value, name = getattr(args, field.name), "--" + field.name.replace("_", "-")
+        value = getattr(args, field.name)
+        name = prefix + (field.name.replace("_", "-") if prefix else field.name)
         if dataclasses.is_dataclass(value):
-            check(value)
+            check(value, prefix)
             continue
         marks = list(_marks(hints[field.name]))
         ranges = [mark for mark in marks if isinstance(mark, Range)]
+        choices = dict.fromkeys(_choices(hints[field.name]))
         for one in _values(value):
+            if choices and one is not None:
+                choose(name, one, choices)
+            elif ranges and isinstance(one, str | bool) and not isinstance(value, Mapping):
+                raise InvalidInputError(f"{name}: got {shown(one)}, expected {ranges[0]}")
             if isinstance(one, str | Path):
                 text(name, one)
             if isinstance(one, Path):
@@ -78,6 +86,15 @@ def _values(value: Any) -> Iterator[Any]:
             yield from _values(one)
     else:
         yield value
+
+
+def _choices(hint: Any) -> Iterator[Any]:
+    """Yield the literals of a type hint."""
+    if get_origin(hint) is Literal:
+        yield from get_args(hint)
+    else:
+        for part in get_args(hint):
+            yield from _choices(part)
 
 
 def _marks(hint: Any) -> Iterator[Any]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym.arguments import Amount, Count, Range
+from hcbf_gym.arguments import Amount, Count, Range, check
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
 from hcbf_gym.wrappers import VectorHoldAction, VectorInterventionPenalty, VectorSafetyFilter
 
@@ -79,6 +79,7 @@ class TrainingConfig:
     """Held-out scenes of one evaluation."""
 
     def __post_init__(self) -> None:
+        check(self, prefix="")
         if self.guidance is not None and self.filter == "off":
             raise InvalidInputError("guidance: got filter 'off', expected 'on' or 'penalty'")
 

@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import policies, programs
-from hcbf_gym.arguments import Amount, Seed
+from hcbf_gym.arguments import Amount, Seed, check
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import choose
 from hcbf_gym.policies import Policy, learned
@@ -56,6 +56,7 @@ class Settings:
     """Whether a robot that has arrived goes back, and there again."""
 
     def __post_init__(self) -> None:
+        check(self, prefix="")
         if not self.model.endswith(".json"):
             choose("model", self.model, dict.fromkeys(model_names()))
         if not policies.is_own(self.policy):

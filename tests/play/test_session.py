@@ -267,6 +267,14 @@ def test_a_cart_is_steered_as_the_stick_points(robot):
     assert now.least[1] >= 0.0
 
 
+@pytest.mark.parametrize(
+    "given", [{"gamma0": float("nan")}, {"body": "x"}, {"seed": -1}, {"margin": True}]
+)
+def test_settings_made_in_python_are_checked_as_a_commands(given):
+    with pytest.raises(HcbfError, match=next(iter(given))):
+        Settings(**given)
+
+
 def test_a_robot_of_an_unknown_name_is_refused_with_the_choices():
     with pytest.raises(HcbfError, match=r"cart.*reduced"):
         Session(Settings(model="submarine"), GATE)

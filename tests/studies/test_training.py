@@ -212,6 +212,18 @@ def test_a_policy_for_another_observation_shape_is_refused_with_both_shapes(tmp_
         policies.load(tmp_path / "missing.npz", other)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"gamma": 2.0}, {"gamma": float("nan")}, {"filter": "of"}, {"steps": "x"}, {"seed": -1},
+        {"network": (0,)}, {"penalty": True}, {"hold": 0}, {"learn_from": "both"},
+    ],
+)  # fmt: skip
+def test_a_configuration_made_in_python_is_checked_as_a_commands(given):
+    with pytest.raises((InvalidInputError, UnknownNameError), match=next(iter(given))):
+        TrainingConfig(**given)
+
+
 def test_training_refuses_a_scene_without_a_goal_to_reach(tmp_path):
     with pytest.raises(InvalidInputError, match="reach"):
         train(TrainingConfig(scenario="paper-simulation"), tmp_path)
