@@ -173,14 +173,19 @@ def advance(
 
     Lowers `least` (N, m) to the smallest h seen, and adds to `inside` (N, m) the time with h < 0.
     """
-    h, start = np.empty(least.shape), x.copy()
-    for look in range(1, looks + 1):
-        tau = look * dt / looks
-        x[:, :2] = start[:, :2] + tau * (start[:, 2:] + 0.5 * tau * u)
-        x[:, 2:] = start[:, 2:] + tau * u
-        _core.barrier_values(kind, parameters, None, x, t + tau, h)
-        np.minimum(least, h, out=least)
-        inside += (h < 0.0) * (dt / looks)
+    tau = np.arange(1, looks + 1)[:, None] * (dt / looks)
+    way = np.empty((looks, *x.shape))
+    way[:, :, :2] = x[:, :2] + tau[:, :, None] * (x[:, 2:] + 0.5 * tau[:, :, None] * u)
+    way[:, :, 2:] = x[:, 2:] + tau[:, :, None] * u
+    h = np.empty((looks, *least.shape))
+    kinds, numbers = (np.concatenate([one] * looks) for one in (kind, parameters))
+    times = np.ravel(t + tau)
+    _core.barrier_values(
+        kinds, numbers, None, way.reshape(-1, 4), times, h.reshape(-1, kind.shape[1])
+    )
+    np.minimum(least, h.min(axis=0), out=least)
+    inside += (h < 0.0).sum(axis=0) * (dt / looks)
+    x[:] = way[-1]
 
 
 def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:
