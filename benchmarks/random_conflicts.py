@@ -178,13 +178,13 @@ def advance(
     way[:, :, :2] = x[:, :2] + tau[:, :, None] * (x[:, 2:] + 0.5 * tau[:, :, None] * u)
     way[:, :, 2:] = x[:, 2:] + tau[:, :, None] * u
     h = np.empty((looks, *least.shape))
-    kinds, numbers = (np.concatenate([one] * looks) for one in (kind, parameters))
+    kinds, numbers = np.concatenate([kind] * looks), np.concatenate([parameters] * looks)
     times = np.ravel(t + tau)
     _core.barrier_values(
         kinds, numbers, None, way.reshape(-1, 4), times, h.reshape(-1, kind.shape[1])
     )
     np.minimum(least, h.min(axis=0), out=least)
-    inside += (h < 0.0).sum(axis=0) * (dt / looks)
+    inside += np.count_nonzero(h < 0.0, axis=0) * (dt / looks)
     x[:] = way[-1]
 
 
