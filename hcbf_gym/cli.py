@@ -50,11 +50,11 @@ READS = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command; an error that this package raises ends it in one line."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if not arguments or arguments[0] in ("-h", "--help"):
-        print(_overview())
-        return
-    name, *rest = arguments
     try:
+        if not arguments or arguments[0] in ("-h", "--help"):
+            print(_overview())
+            return
+        name, *rest = arguments
         command = choose("command", name, commands())
         require(f"hcbf {name}", command.extra, *command.needs)
     except HcbfError as error:

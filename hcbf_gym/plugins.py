@@ -4,6 +4,7 @@ import functools
 from importlib import metadata
 
 from hcbf_gym.arguments import Subcommand
+from hcbf_gym.errors import InvalidInputError
 
 GROUP = "hcbf.commands"
 """The group of entry points by which packages add commands: name → a dict of `Subcommand`."""
@@ -15,8 +16,17 @@ def load() -> dict[str, Subcommand]:
 
     Returns:
         name → command, of all of them.
+
+    Raises:
+        InvalidInputError: if one of them cannot be imported.
     """
     found: dict[str, Subcommand] = {}
     for point in sorted(metadata.entry_points(group=GROUP), key=lambda point: point.name):
-        found |= point.load()
+        try:
+            found |= point.load()
+        except Exception as error:  # of another package's code
+            raise InvalidInputError(
+                f"entry point {point.name!r} of {GROUP}: got {error!r}, expected {point.value} to "
+                "be importable; uninstall or repair its package"
+            ) from error
     return found

@@ -30,7 +30,7 @@ from hcbf_gym.filter.nearness import Nearness
 from hcbf_gym.filter.planar_rows import PlanarRows
 from hcbf_gym.filter.plants import CHANGED, COMPARED
 from hcbf_gym.filter.samples import Samples
-from hcbf_gym.filter.scene import SceneReader
+from hcbf_gym.filter.scene_reader import SceneReader
 from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import SEEN_FOR
 from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Reason

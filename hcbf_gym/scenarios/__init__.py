@@ -151,7 +151,7 @@ def family_of(scenario: ScenarioLike) -> Family | None:
                 f"unknown scenario: got {scenario!r}, expected one of {families()}, or that "
                 f"{where} calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
             )
-    if name not in {*_NAMED, *_FAMILIES}:
+    if name not in {*_NAMED, *_FAMILIES} and not name.endswith(".json"):
         plugins.load()  # which may register it
     return _FAMILIES.get(name)
 

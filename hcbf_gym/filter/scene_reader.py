@@ -12,7 +12,7 @@ from hcbf_gym.barriers.many import Flat, Read, flattened, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, shown
 
-Scenes = tuple[tuple[Any, ...], ...]
+Listed = tuple[tuple[Any, ...], ...]
 
 
 class SceneReader:
@@ -24,7 +24,7 @@ class SceneReader:
 
     def __init__(self, count: int):
         self._count = count
-        self._scenes: Scenes = ()
+        self._scenes: Listed = ()
         self._fixed: object = None  # what was read last, if it is immutable
         self._several: Read = []
         self._set = BarrierSet([()] * count)
@@ -52,7 +52,7 @@ class SceneReader:
         scenes = self._scenes
         return type(barriers) is list and len(scenes) == 1 and _same(barriers, scenes[0])
 
-    def _sequences(self, barriers: Any) -> Scenes:
+    def _sequences(self, barriers: Any) -> Listed:
         """Return one scene for all plants, or N, as tuples of elements."""
         if not is_list(barriers):
             raise InvalidInputError(
@@ -78,7 +78,7 @@ class SceneReader:
                 f"barriers: got a set of {len(scenes.kind)} scenes, expected {self._count}"
             )
 
-    def _read(self, scenes: Scenes, barriers: Any) -> None:
+    def _read(self, scenes: Listed, barriers: Any) -> None:
         """Make a set of scenes."""
         read = [flattened(scene) for scene in scenes]
         listed: list[Flat] = [flat for flat, _ in read]
