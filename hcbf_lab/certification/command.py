@@ -89,7 +89,7 @@ class Args:
     check: str | None = None
     """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
     workers: Workers | None = None
-    """Chunks that run at once [default: as many as the backend has CPUs]."""
+    """Episodes that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Folder | None = None
