@@ -51,7 +51,7 @@ class Suite(NamedTuple):
 
 
 SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/results/NAME.json``
-    "course": Suite("suites.course", "the paper's course on the A1, the README's table", 1, A1),
+    "course": Suite("suites.course", "the paper's course on the A1", 1, A1),
     "reproduction": Suite(
         "suites.reproduction",
         "the paper's figures drawn anew, and its claims",

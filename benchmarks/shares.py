@@ -79,6 +79,7 @@ def shares() -> list[dict[str, Any]]:
         samples.time[0] += PERIOD
 
     times = {
+        "the action, as an array of numbers": _time(lambda: u.astype(np.float64)),
         "the plant's readers": _time(env._sample),
         "taking the estimate": (taking := _time(lambda: samples.take(estimate, None))),
         "taking the barriers": _time(lambda: core._take(barriers, estimate, None)) - taking,

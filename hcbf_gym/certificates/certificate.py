@@ -59,7 +59,7 @@ class Certificate:
         name: of the certificate, as its file's.
         plant: what a plant must declare to be this one, ranges by name as `judge.judge`
             reads them; "scene" is the family of its scenes.
-        family: of the episodes, as `certification.families` reads it.
+        family: of the episodes, as `hcbf_lab.certification.families` reads it.
         words: the same in sentences.
         margins: what rows reserved; None where the plant's own law decides it for each episode.
         calibration: what was done before, a mapping for each round and search.

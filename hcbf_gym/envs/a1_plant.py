@@ -63,7 +63,7 @@ class Law(NamedTuple):
 
 
 LAW = Law()
-"""Calibrated with hostile episodes of `evaluation.certification.mixture`."""
+"""Calibrated with hostile episodes of `hcbf_lab.certification.mixture`."""
 
 PLANNED = 0.75
 """Share of the floor's least friction that the controller plans with: the rest is for slips."""

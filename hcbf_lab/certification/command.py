@@ -1,9 +1,9 @@
 """A number for the promise: calibrate a plant's margins, freeze, certify on fresh episodes.
 
-PLANT is "regions", "a1", a walker's name or contract, or a function of your own that returns
-(environment, plant), as FILE.py:FUNCTION or MODULE:FUNCTION. Runs until P(enter) is below --bound,
-or that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and NAME.md. Run it
-again to resume it.
+PLANT is "regions", "a1", "a1-mixture", a walker's name or contract, or a function of your own that
+returns (environment, plant), as FILE.py:FUNCTION or MODULE:FUNCTION. Runs until P(enter) is below
+--bound, or that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and
+NAME.md. Run it again to resume it.
 
 With --check FILE, or the name of a shipped one, it repeats a random part of a certificate instead.
 """
@@ -89,7 +89,7 @@ class Args:
     check: str | None = None
     """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
     workers: Workers | None = None
-    """Chunks that run at once [default: as many as the backend has CPUs]."""
+    """Episodes that run at once [default: as many as the backend has CPUs]."""
     backend: Backend = "processes"
     """Where they run; ray needs the extra `cluster`."""
     output: Folder | None = None

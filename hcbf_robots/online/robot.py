@@ -22,7 +22,7 @@ class Robot:
             `walker_response.assumed`.
         reach: radius of the circle around its centre, or a cart's axle, that holds it [m]; with 0,
             and no footprint, the robot is a point.
-        footprint: its outline, as Nav2 writes it, see `robots.footprint.reach`: `reach` becomes
+        footprint: its outline, as Nav2 writes it, see `walkers.footprint.reach`: `reach` becomes
             no less than holds it.
         known_as: its name in certificates; "" for none.
     """

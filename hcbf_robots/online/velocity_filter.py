@@ -83,7 +83,7 @@ class VelocityFilter:
     store the newest odometry and call `step` in the thread of the commands, or under a lock.
 
     Args:
-        robot: a contract's path or name, see `robots.Walker.load`; a `Walker`; or a `Robot`.
+        robot: a contract's path or name, see `Walker.load`; a `Walker`; or a `Robot`.
         barriers: the ranked conditions on the robot's position, in the frame of the pose, also in
             survey coordinates. A shape that moves is where it is put at the first step since it was
             set; `set_barriers` takes another time. Functions of time count from the first step
