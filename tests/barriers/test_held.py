@@ -248,6 +248,13 @@ def test_psi_is_reported_beside_its_alpha2():
     np.testing.assert_allclose(out[rows.ALPHA2_PSI], 2.0 * out[rows.PSI])
 
 
+def test_an_episode_is_the_same_in_any_chunk():
+    whole, *parts = (
+        conflicts.run(Scenes("pd", "lex", "held", 3, *part)) for part in ((0, 6), (0, 4), (4, 2))
+    )
+    assert whole == parts[0] + parts[1]
+
+
 @pytest.mark.parametrize("policy", conflicts.POLICIES)
 def test_lex_enters_no_priority_whose_rows_can_be_met(policy):
     summary = conflicts.summary(conflicts.run(Scenes(policy, "lex", "held", 7, 0, 20)))

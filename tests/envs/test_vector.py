@@ -14,8 +14,11 @@ from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatist
 from hcbf_gym import _core, policies, programs, scenarios, wrappers
 from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.envs.task import CONTROL_DT, PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.models.plant import Reason
+from hcbf_gym.programs import FilterStatus
 
 ID = "HCBF-Regions-v0"
 N, LIMIT = 3, 90
@@ -251,6 +254,34 @@ def test_its_filter_decides_as_the_single_one_does(program):
         np.testing.assert_allclose(reward, expected_reward, atol=1e-9)
         one, other = info["safety_filter"], expected_info["safety_filter"]
         np.testing.assert_allclose(one["u_safe"], other["u_safe"], atol=1e-7)
+
+
+@pytest.mark.filterwarnings("ignore:safety filter")
+def test_a_nan_estimate_brakes_its_plant_and_leaves_the_others_bit_for_bit():
+    class Lost(RegionsVectorEnv):
+        """The estimate of one plant, or of none, is NaN from step 20 on."""
+
+        plant_lost = None
+
+        @property
+        def estimate(self):
+            known = super().estimate
+            is_lost = (np.arange(N) == self.plant_lost) & (k >= 20)
+            return known._replace(x=np.where(is_lost[:, None], np.nan, known.x))
+
+    k, actions = 0, np.random.default_rng(0).uniform(-5.0, 5.0, (80, N, 2))
+    envs = [wrappers.VectorSafetyFilter(Lost(N, "random")) for _ in range(2)]
+    envs[1].unwrapped.plant_lost = 1
+    for env in envs:
+        env.reset(seed=3)
+    for k, u in enumerate(actions):
+        one, other = (env.step(u)[4]["safety_filter"] for env in envs)
+        lost = (np.arange(N) == 1) & (k >= 20)
+        for key, value in one.items():
+            np.testing.assert_array_equal(value[~lost], other[key][~lost], err_msg=f"{k} {key}")
+        assert (other["status"] == FilterStatus.BACKUP).tolist() == lost.tolist()
+        assert other["reason"].tolist() == (Reason.STATE * lost).tolist()
+    assert np.linalg.norm(envs[1].unwrapped.rom_state[1, 2:]) < 1e-9
 
 
 def test_gymnasiums_spaces_and_wrappers_take_it():

@@ -57,6 +57,8 @@ def test_a_seed_decides_the_estimates_and_leaves_the_plant_alone():
     for (a, _, known_a), (b, _, known_b) in zip(first, again, strict=True):
         np.testing.assert_array_equal(a, b)
         np.testing.assert_array_equal(known_a.x, known_b.x)
+    assert not np.array_equal(walk(env, 4, 0)[0][2].x, first[0][2].x)
+    walk(env, 3, 0)
     walk(plain, 3, 0)
     assert plain.unwrapped.simulation.conditions == env.unwrapped.simulation.conditions
     assert plain.unwrapped.scenario.to_dict() == env.unwrapped.scenario.to_dict()

@@ -13,8 +13,8 @@ import pytest
 from hcbf_gym import programs
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.command import column_names
-from hcbf_gym.evaluation.jobs import Runs
-from hcbf_gym.evaluation.rollouts import Case, aggregate, evaluate
+from hcbf_gym.evaluation.jobs import Runs, key
+from hcbf_gym.evaluation.rollouts import Case, Job, aggregate, evaluate
 from hcbf_gym.evaluation.sentences import SPEED, sentences
 from hcbf_gym.programs import FilterStatus
 
@@ -79,8 +79,23 @@ def test_episodes_do_not_depend_on_the_number_of_workers():
         for workers in (1, 2)
     )
     assert one.keys() == two.keys()
-    for key, episode in one.items():
-        np.testing.assert_array_equal(episode.position, two[key].position)
+    for which, episode in one.items():
+        np.testing.assert_array_equal(episode.position, two[which].position)
+
+
+def test_no_two_episodes_share_a_saved_result():
+    case = Case(ROM, "random", "pd", "h-cbf-qp", {"gamma0": 1.0})
+    others = [
+        replace(case, **one)
+        for one in (
+            {"env": "HCBF-A1Regions-v0"}, {"scenario": "paper-experiment"}, {"policy": "pd-ff"},
+            {"program": "r-cbf-qp"}, {"options": {"gamma0": 2.0}}, {"v_max": 0.5}, {"steps": 9},
+            {"env_options": {"feedback": "rom"}},
+        )
+    ]  # fmt: skip
+    listed = [Job(case), Job(case, seed=1), *map(Job, others)]
+    assert len({key("", job) for job in listed}) == len(listed)
+    assert key("", Job(replace(case, options={"gamma0": 1.0}))) == key("", Job(case))
 
 
 def test_a_summary_repeats_what_the_episode_recorded():

@@ -7,7 +7,7 @@ import pytest
 from central_differences import BARRIERS, arrays
 from needs import remedy
 
-from hcbf_gym.errors import MissingDependencyError
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError
 from hcbf_gym.layers.flat import FlatFilter
 
 jax = pytest.importorskip("jax", reason=remedy("jax"))
@@ -59,6 +59,14 @@ def test_vmap_goes_over_scenes_too():
     blocks[:, 1, 4] = np.linspace(0.5, 1.5, 6)  # radii
     many = jax.vmap(function)(u_nominal, x, blocks)
     np.testing.assert_array_equal(many.u[3], function(u_nominal[3], x[3], blocks[3]).u)
+
+
+def test_wrong_shapes_are_refused():
+    function, (u_nominal, x) = safety_filter(BARRIERS), arrays()
+    with pytest.raises(InvalidInputError, match=r"x: got shape \(6, 3\), expected \(\.\.\., 4\)"):
+        function(u_nominal, x[:, :3])
+    with pytest.raises(InvalidInputError, match="expected leading axes that broadcast"):
+        function(u_nominal, x, t=np.zeros(5))
 
 
 def test_32_bit_comes_back_where_jax_is_set_to_it():

@@ -130,6 +130,9 @@ def test_a_zone_that_is_repeated_is_unchanged_and_one_that_is_switched_is_planne
     before = d.core.sources["zone"].entries
     show(d, "zone", corners)
     assert d.core.sources["zone"].entries == before
+    show(d, "zone", [])  # of the same stamp
+    assert not d.core.sources["zone"].entries
+    show(d, "zone", corners)
     d.core.change({"zone.enabled": False})
     d.core.take(d.core.planned((4.0, 0.0)))
     d.run(0.2)

@@ -117,6 +117,22 @@ def test_an_invalid_state_brakes_at_once_and_the_filter_continues_after_it(malfo
     assert answers(info) == (FilterStatus.BACKUP, Reason.STATE)
 
 
+def test_a_nan_state_of_a_vehicle_brakes_it_to_rest():
+    """Its inputs are its speeds, so that it stands under none."""
+    unicycle = models.Unicycle()
+    state = lambda env, *_: env.x if len(env.applied) < 2 else np.full(3, np.nan)  # noqa: E731
+    plant = hcbf_gym.Plant(unicycle, [ISLAND], state, period=T)
+    with pytest.warns(UserWarning, match="allowed"):
+        env = wrappers.SafetyFilter(World(unicycle, T, 1.0), plant=plant, allow_late_inputs=True)
+    env.reset(seed=0)
+    env.step(np.ones(2))
+    assert answers(steps(env, 1, np.ones(2)))[1] == Reason.NONE
+    with pytest.warns(UserWarning, match="brakes"):
+        info = steps(env, 1, np.ones(2))
+    assert answers(info) == (FilterStatus.BACKUP, Reason.STATE)
+    np.testing.assert_array_equal(env.unwrapped.applied[-1], [0.0, 0.0])
+
+
 def test_without_sensors_the_plant_stops_by_its_model_and_stands():
     env, reader, world = moving()
     reader.sends = [None] * 40
