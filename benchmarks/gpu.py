@@ -29,7 +29,7 @@ SETTINGS = RowSettings(period=0.02, u_max=RADIUS, limits=((-5.0, -5.0), (5.0, 5.
 STANDARD = ("algorithm", "array", "cmath", "cstddef", "cstdint", "cstdlib", "cstring", "limits",
             "optional", "utility", "vector")  # fmt: skip
 LIBRARIES = "libnvrtc-builtins", "libnvrtc"  # the second looks for the first
-THREADS, RUNS = 128, 21  # of a block, and whose median counts
+THREADS, RUNS = 32, 21  # of a block, and whose median counts
 
 
 class Scenes(NamedTuple):
@@ -121,8 +121,8 @@ def toolkit() -> Path:
     raise HcbfError("NVRTC: got none, expected: pip install nvidia-cuda-nvrtc nvidia-cuda-cccl")
 
 
-def compiled() -> bytes:
-    """Return the kernel as PTX."""
+def compiled(target: str = "sm_80") -> bytes:
+    """Return the kernel's machine code for a target."""
     folder = toolkit()
     libraries = [ctypes.CDLL(str(next(folder.glob(f"lib/{name}.so*")))) for name in LIBRARIES]
     nvrtc = libraries[-1]
@@ -133,19 +133,19 @@ def compiled() -> bytes:
         names(*[b"//"] * len(STANDARD)), names(*(name.encode() for name in STANDARD)),
     )  # fmt: skip
     include = [f"-I{CORE / 'include'}", f"-I{folder / 'include/cccl'}", f"-I{folder / 'include'}"]
-    options = ["-default-device", "-std=c++17", "-arch=compute_80", "-fmad=false", *include]
+    options = ["-default-device", "-std=c++17", f"-arch={target}", "-fmad=false", *include]
     given = (ctypes.c_char_p * len(options))(*(option.encode() for option in options))
     failed = nvrtc.nvrtcCompileProgram(made, len(options), given)
-    part = "ProgramLog" if failed else "PTX"
+    part = "ProgramLog" if failed else "CUBIN"
     getattr(nvrtc, f"nvrtcGet{part}Size")(made, ctypes.byref(size))
     text = ctypes.create_string_buffer(size.value)
     getattr(nvrtc, f"nvrtcGet{part}")(made, text)
     if failed:
         raise HcbfError(f"NVRTC: {text.value.decode()}")
-    return text.value
+    return text.raw
 
 
-def on_gpu(ptx: bytes, scenes: Scenes) -> tuple[Answer, float]:
+def on_gpu(scenes: Scenes) -> tuple[Answer, float]:
     """Return the kernel's answer, and the median time that it takes [s]."""
     cuda, answer = ctypes.CDLL("libcuda.so.1"), empty(scenes)
 
@@ -157,10 +157,13 @@ def on_gpu(ptx: bytes, scenes: Scenes) -> tuple[Answer, float]:
         call(name, one, other, ctypes.c_size_t(size))
 
     context, module, kernel = (ctypes.c_void_p() for _ in range(3))
+    major, minor = ctypes.c_int(), ctypes.c_int()
     call("cuInit", 0)
+    call("cuDeviceGetAttribute", ctypes.byref(major), 75, 0)  # the compute capability
+    call("cuDeviceGetAttribute", ctypes.byref(minor), 76, 0)
     call("cuDevicePrimaryCtxRetain", ctypes.byref(context), 0)
     call("cuCtxSetCurrent", context)
-    call("cuModuleLoadData", ctypes.byref(module), ptx)
+    call("cuModuleLoadData", ctypes.byref(module), compiled(f"sm_{major.value}{minor.value}"))
     call("cuModuleGetFunction", ctypes.byref(kernel), module, b"filter")
     arrays = [np.ascontiguousarray(array) for array in (*scenes, *answer)]
     places = [ctypes.c_uint64() for _ in arrays]
@@ -184,7 +187,7 @@ def main() -> None:
     """Print the kernel's time, and how far its answers are from the core's."""
     scenes = draw(65_536)
     expected = on_cpu(scenes)
-    found, seconds = on_gpu(compiled(), scenes)
+    found, seconds = on_gpu(scenes)
     apart = max(float(np.abs(one - two).max()) for one, two in zip(found, expected, strict=True))
     others = int((found.status != expected.status).sum())
     print(f"{len(scenes.x):,} states of {scenes.kind.shape[1]} rows: {seconds * 1e3:.3f} ms")

@@ -16,8 +16,23 @@
 
 namespace device {
 using namespace cuda::std;
-template <class T>
-using vector = inplace_vector<T, sizeof(T) == 8 ? 72 : 24>;  // numbers: a stage each; else: corners, rows
+// A vector of fixed room. It copies what it holds; inplace_vector copies all its room.
+template <class T, size_t ROOM = sizeof(T) == 8 ? 72 : 24>  // numbers: a stage each; else: corners, rows
+struct vector : inplace_vector<T, ROOM> {
+  using inplace_vector<T, ROOM>::inplace_vector;
+  vector() = default;
+  vector(const vector& other) { *this = other; }
+  __noinline__ vector& operator=(const vector& other) {
+    this->clear();
+#pragma unroll 1
+    for (const T& item : other) this->unchecked_push_back(item);
+    return *this;
+  }
+  __noinline__ void swap(vector& other) {
+    const vector kept = other;
+    other = *this, *this = kept;
+  }
+};
 }  // namespace device
 #define std device
 #undef INFINITY
@@ -26,6 +41,20 @@ using vector = inplace_vector<T, sizeof(T) == 8 ? 72 : 24>;  // numbers: a stage
 
 #include <hcbf/cascade.hpp>
 #include <hcbf/rows.hpp>
+
+#ifdef __CUDACC_RTC__
+// Inlined wherever they are called, these fill a megabyte; where a call ends, the threads of a warp meet again.
+namespace hcbf::polygon {
+using Points = Vector<const Point>;
+template __noinline__ void cut(Polygon&, const Line&, double);
+template __noinline__ void keep_face(Polygon&, const Point&, const double&, double);
+template __noinline__ Range<double> span<double>(Points, const Point&);
+template __noinline__ bool contains<double>(Points, const Point&);
+template __noinline__ Point descend<double>(Points, const LeastSquares&, const Point&);
+template __noinline__ Point minimise(const Polygon&, const LeastSquares&, const Point&, double, Polygon&);
+template __noinline__ void LeastSquaresOf<double>::add(const double&, double, double);
+}  // namespace hcbf::polygon
+#endif
 
 namespace hcbf {
 
