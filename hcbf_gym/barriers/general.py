@@ -13,11 +13,11 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache
+from hcbf_gym.barriers.function_cache import FunctionCache, Group
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.prepared import Conditions, Group, Prepared, prepared
+from hcbf_gym.barriers.prepared import Conditions, Prepared, prepared
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import ALPHA2_PSI, CONDITIONING, MARGIN, RATE, WIDTH, B, CbfRows, H
 from hcbf_gym.barriers.set import BarrierSet
@@ -262,7 +262,7 @@ class GeneralRows:
         if is_bounded and key in self._reaches:
             return self._reaches[key]
         if isinstance(barrier, Function):
-            return self.functions.rows([[barrier]]).reaches[0]
+            return self.functions.groups([[barrier]])[0].kernel.reaches[0]
         if isinstance(barrier, SpeedLimit) and self.model.velocity_at != 2:
             raise InvalidInputError(
                 f"{barrier.name}: got a speed limit for {self.model}, expected a model with its "
@@ -280,11 +280,7 @@ class GeneralRows:
 
 
 def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
-    """Return numbers, or one number for all of them, in a shape.
-
-    Raises:
-        InvalidInputError: if they do not fit.
-    """
+    """Return numbers, or one number for all of them, in a shape."""
     numbers = finite_array(name, value, reals(name, value).shape)
     if numbers.ndim > len(shape) or numbers.shape != shape[len(shape) - numbers.ndim :]:
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected {shape}")

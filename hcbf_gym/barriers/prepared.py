@@ -10,8 +10,7 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
-from hcbf_gym.barriers.function_rows import FunctionRows
+from hcbf_gym.barriers.function_cache import FunctionCache, Group
 from hcbf_gym.barriers.layout import ELSEWHERE
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.set import BarrierSet
@@ -25,14 +24,6 @@ class Scene(NamedTuple):
     kind: Integers  # (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`
     parameters: Array  # (N, m, WIDTH) the blocks of built-in ones
     degree: Integers  # (N, m) the derivative of h that an input enters first, 1 or 2
-
-
-class Group(NamedTuple):
-    """Functions of the same signatures, at the same places of some scenes."""
-
-    scenes: Integers  # (K,) which of N
-    places: Integers  # (k,) of m
-    rows: FunctionRows | SeparateRows
 
 
 class Prepared(NamedTuple):
@@ -93,12 +84,12 @@ def prepared(
     """
     listed: Any = scenes.listed
     distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
-    groups = _groups(listed, functions)
+    groups = functions.groups(listed)
     of_functions = {
         (int(i), int(k)): one
         for group in groups
         for i in group.scenes[: len(distinct)]
-        for k, one in zip(group.places, group.rows.reaches, strict=True)
+        for k, one in zip(group.places, group.kernel.reaches, strict=True)
     }
     reaches = [
         [of_functions.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
@@ -125,21 +116,3 @@ def prepared(
         scenes.own_margin,
         scenes.keeps_margin,
     )
-
-
-def _groups(scenes: Sequence[Conditions], functions: FunctionCache) -> list[Group]:
-    """Return the functions of N scenes, those of the same signatures together."""
-    found: dict[tuple[tuple[int, ...], tuple[object, ...]], list[tuple[int, list[Function]]]] = {}
-    for i, scene in enumerate(scenes):
-        there = [(k, one) for k, one in enumerate(scene) if isinstance(one, Function)]
-        if there:
-            key = tuple(k for k, _ in there), tuple(one.signature for _, one in there)
-            found.setdefault(key, []).append((i, [one for _, one in there]))
-    return [
-        Group(
-            np.array([i for i, _ in members]),
-            np.array(places),
-            functions.rows([of_scene for _, of_scene in members]),
-        )
-        for (places, _), members in found.items()
-    ]

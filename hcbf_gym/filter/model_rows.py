@@ -136,7 +136,7 @@ class ModelRows:
     def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
         """Check the states, compare them with what was expected, and return the rows."""
         self._kinks.u = u_nominal
-        prepared, core = self._prepared, self._bound.core()
+        prepared, core = self._prepared, self._bound.core
         if core.sense(self._step, self._samples.has_parts) and prepared is not None:
             if not self._is_bound:
                 self._own[..., PLACED] = prepared.share > 0.0

@@ -46,6 +46,7 @@ class Scenes:
         covering: ends where a scene changes.
 
     Attributes:
+        plant: what each plant is.
         now: the scenes as of time 0 of the plants' clocks.
         read: barriers → the set of their scenes.
         placing: since when shapes count.
@@ -61,6 +62,7 @@ class Scenes:
         self, made: Configured, samples: Samples, rows: PlanarRows | ModelRows, covering: Covering
     ):
         self._made, self._samples, self._rows, self._covering = made, samples, rows, covering
+        self.plant = made.plant
         count = made.count
         self.now = self._given = BarrierSet([()] * count)
         self._version, self._edits = self.now.version.copy(), -1
@@ -88,7 +90,9 @@ class Scenes:
         """
         samples = self._samples
         try:
-            given = self._read(barriers)
+            given = self._given
+            if barriers is not given or samples.origin.is_far:  # no environment's set
+                given = self._read(barriers)
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self.unread = error
             self.is_refused, self.refusal = True, None
@@ -149,8 +153,6 @@ class Scenes:
             except InvalidInputError as error:
                 self._warn_once("far", f"far from the origin: {error}", SafetyWarning)
                 raise
-        if barriers is self._given:  # an environment's set
-            return self._given
         given = self.read(barriers)
         if given is not self._given:
             self._rows.check(barriers, given)

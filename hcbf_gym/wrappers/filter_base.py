@@ -127,8 +127,12 @@ class FilterBase:
         self._is_first = False
         return report
 
-    def _filtered(self, action: Any) -> tuple[Any, Info]:
-        """Return the environment's action in the place of u*, and the report."""
+    def step(self, action: Any) -> tuple[Any, Any, Any, Any, Info]:
+        """Filter u* and step the environment with the result.
+
+        Raises:
+            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+        """
         if not self._begun:
             raise InvalidInputError(
                 "safety filter: got a step before a reset that succeeded, expected reset() first"
@@ -142,9 +146,15 @@ class FilterBase:
         if self._covers_anew:
             core.covering.follow(self._covered())
         u, report = core.step(u_nominal, barriers, estimate, world=world)
-        if plant.to_action is None:
-            return u.astype(self._dtype), report
-        return plant.to_action(u.copy()), report
+        applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u.copy())
+        observation, reward, terminated, truncated, info = self.env.step(applied)
+        self._see(observation, info)
+        self._report(info, report, terminated, truncated)
+        return observation, reward, terminated, truncated, info
+
+    def _report(self, info: Info, report: Info, terminated: Any, truncated: Any) -> None:
+        """Write the report of a step into the environment's infos."""
+        raise NotImplementedError
 
     def _sample(self) -> tuple[Any, Estimate, tuple[Any, Any] | None]:
         """Return barriers, estimate, and goal and extent where guidance leads, as they are now."""

@@ -9,7 +9,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from hcbf_gym import programs
-from hcbf_gym.arrays import Array, Info, Mask
+from hcbf_gym.arrays import Info, Mask
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.infos import Reporter
 from hcbf_gym.errors import InvalidInputError, as_array
@@ -111,15 +111,6 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
             if begins is not None and not begins.all():
                 self._info = joined(self._info, before, begins)
 
-    def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
-        """Filter u* (N, n_u) and step the environments with the result.
-
-        Raises:
-            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
-        """
-        applied, report = self._filtered(actions)
-        observation, reward, terminated, truncated, info = self.env.step(applied)
-        self._see(observation, info)
+    def _report(self, info: Info, report: Info, terminated: object, truncated: object) -> None:
         ended = as_array("terminated", terminated) | as_array("truncated", truncated)
         self._reporter.at_step(info, report, self._begin, ended)
-        return observation, reward, terminated, truncated, info
