@@ -136,7 +136,8 @@ class GeneralRows:
         for i, k in np.argwhere(~np.isfinite(out[..., H])):
             if not isinstance(barriers[k], Function):
                 checked(barriers[k], barriers[k].jet(states[i], float(times[i])), self.model.n)
-        out, ranks = (out[0], scenes.priority[0]) if x.ndim == 1 else (out, scenes.priority)
+        ranks = scenes.scenes.priority
+        out, ranks = (out[0], ranks[0]) if x.ndim == 1 else (out, ranks)
         self.conditioning = out[..., CONDITIONING]
         b, h, alpha2_psi = (out[..., column].copy() for column in (B, H, ALPHA2_PSI))
         return CbfRows(out[..., WIDTH:].copy(), b, h, ranks, alpha2_psi)
@@ -168,8 +169,9 @@ class GeneralRows:
                 return
             for i in range(len(x)):
                 one = slice(i, i + 1)
-                part = prepared(BarrierSet([scenes.scenes[i]]), self.functions, self.reach)
-                part.scene.parameters[:] = scenes.scene.parameters[one]
+                scene = BarrierSet([scenes.scenes.listed[i]])
+                scene.parameters[:] = scenes.scenes.parameters[one]
+                part = prepared(scene, self.functions, self.reach)
                 here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
                 self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one], here)
 
@@ -185,7 +187,7 @@ class GeneralRows:
         """Write the rows of N states; what users' own code raises is raised."""
         n, (f, g) = self.model.n, terms
         known, first = kinks or (self.kinks, 0)
-        count, m = scenes.priority.shape
+        count, m = scenes.kind.shape
         jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
         for i, k, barrier in scenes.custom:
             jet = known.jet(self.model, barrier, x[i], float(t[i]), first + i)
@@ -193,14 +195,14 @@ class GeneralRows:
             jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
             jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
         jacobian = self.model.jacobians_of(x) if scenes.turns else _NO_JACOBIAN
-        lags = _core.general_rows(*scenes.scene, jets, x, t, f, g, jacobian, self._alphas, out)
+        lags = _core.general_rows(*scenes.built_in, jets, x, t, f, g, jacobian, self._alphas, out)
         for group in scenes.groups:
             here = np.ix_(group.scenes, group.places)
             reserved, at = out[here], (x[group.scenes], t[group.scenes])
             made = group.rows(*at, reserved[..., MARGIN], reserved[..., RATE])
             if not math.isfinite(made.sum()):
                 made = self._beside(scenes, group, made, (x, t, reserved), (known, first))
-            degrees = scenes.scene.degree[group.scenes[0], group.places]
+            degrees = scenes.degree[group.scenes[0], group.places]
             lags |= _core.function_rows(made, degrees, self._alphas[1], reserved)
             out[here] = reserved
         if lags and self._most is not None:
@@ -219,6 +221,7 @@ class GeneralRows:
         `at` has x (N, n) and t (N,) of all scenes [s], and what the rows reserve.
         """
         (x, t, reserved), (known, first), made = at, kinks, made.copy()
+        listed: Any = scenes.scenes.listed
         for j, k in np.argwhere(~np.isfinite(made).all(axis=2)):
             i = int(group.scenes[j])
             for beside in known.beside(self.model, x[i], first + i):
@@ -227,7 +230,7 @@ class GeneralRows:
                 times = t[group.scenes]
                 row = group.rows(moved, times, reserved[..., MARGIN], reserved[..., RATE])[j, k]
                 if np.isfinite(row).all():
-                    known.warn(scenes.scenes[i][group.places[k]], x[i])
+                    known.warn(listed[i][group.places[k]], x[i])
                     h, made[j, k] = made[j, k, _OF_H], row
                     made[j, k, _OF_H] = h
                     break
@@ -235,7 +238,7 @@ class GeneralRows:
 
     def _recover(self, scenes: Prepared, most: Callable[[Array], float], out: Array) -> None:
         """Let rows request a stop where ψ_1 is below zero."""
-        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.scene.degree == 2)):
+        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.degree == 2)):
             row = out[i, k]
             _core.recover_row(self._alphas, most(row[WIDTH:]), row)
 

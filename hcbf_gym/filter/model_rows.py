@@ -120,13 +120,13 @@ class ModelRows:
             warn_of_concave(own, self._made.plant.model)
         prepared = self._rows_of.prepare(scenes)
         shape = scene.is_region  # as of time 0
-        prepared.scene.parameters[shape] = scene.parameters[shape]
+        prepared.scenes.parameters[shape] = scene.parameters[shape]
         reaches = [reach for one in prepared.reaches for reach in one]
         period = self._made.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self._made.alpha1)
         self._prepared, self._is_bound = prepared, False
-        distinct = prepared.scenes[: len(prepared.reaches)]
+        distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
 
     def look_back(self, scene: BarrierSet) -> bool:
@@ -139,9 +139,9 @@ class ModelRows:
         prepared, core = self._prepared, self._bound.core
         if core.sense(self._step, self._samples.has_parts) and prepared is not None:
             if not self._is_bound:
-                self._own[..., PLACED] = prepared.share > 0.0
+                self._own[..., PLACED] = prepared.scenes.keeps_margin
                 margins = prepared.margins(self._made.reserve.fixed)
-                self._step.bind(*prepared.scene, margins, self._own)
+                self._step.bind(*prepared.built_in, margins, self._own)
                 self._is_bound = True
             if prepared.entries:
                 self._make(prepared)

@@ -1,6 +1,5 @@
 """Rows of N planar double integrators: the core makes them, but for users' own barriers."""
 
-import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.kinks import Kinks
+from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.planar_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
@@ -59,7 +59,7 @@ class PlanarRows:
     def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
         """Return users' own barriers and how inputs reach them, if they are others than before."""
         own = tuple(scene.own.values())
-        if len(own) == len(self._accepted) and all(map(operator.is_, own, self._accepted)):
+        if are_same(own, self._accepted):
             return (), ()
         self._accepted = ()
         reaches = [usual(self._made.row_settings).reach(barrier) for barrier in own]

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from operator import is_
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
+from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
@@ -199,8 +199,7 @@ class Scenes:
         if self.is_refused:
             return np.ones(self._made.count, dtype=np.bool_)
         return np.array([
-            one is not other and (len(one) != len(other) or not all(map(is_, one, other)))
-            for one, other in zip(given.listed, self._given.listed, strict=True)
+            not are_same(*pair) for pair in zip(given.listed, self._given.listed, strict=True)
         ])  # fmt: skip
 
     def _time(self) -> Array:
