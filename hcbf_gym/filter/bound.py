@@ -44,11 +44,7 @@ _ROW_WORDS = ROW.itemsize // _WORD
 class Bound:
     """Filters plants in compiled code; arrays are bound where they are others than before.
 
-    Args:
-        made: settings of the filter.
-        samples: of the plants.
-        batch: N of a batch; None for one plant, whose report has no leading N.
-        threads: how many cores filter parts of a batch at once.
+    `batch` is N of a batch; None for one plant, whose report has no leading N.
 
     Attributes:
         core: the compiled filter.
@@ -96,9 +92,9 @@ class Bound:
 
     def renew(self) -> None:
         """Take new memory for the next report; every step writes all rows."""
-        before = self.plants
+        before, _ = self._words
         self._divide(np.empty_like(self._numbers))
-        self.plants[...] = before
+        self._words[0][...] = before
         self.plants["alpha1_scale"] = self._made.alpha1_scale  # the user may write to the last
 
     def _divide(self, memory: Array) -> None:

@@ -53,25 +53,10 @@ class Configured:
         program: see `plants.constants`.
         solver: the program of a solver by name; None for the compiled one.
 
-    Args:
-        plant: of the environment.
-        input_set: U.
-        settings: what the user requests.
-        count: N.
-
-    Raises:
-        UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, or the hold is too long for α₁
-            or α₂.
+    Raises: as `core.FilterCore`.
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        input_set: InputSet,
-        settings: FilterSettings,
-        count: int,
-    ):
+    def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings, count: int):
         choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
         flag("allow_late_inputs", settings.allow_late_inputs)
         if input_set.n_u != plant.model.n_u:

@@ -205,11 +205,9 @@ class FilterCore:
         return found["u_safe"], found
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
-        """Return which conditions no input of U met together at the last step of plant i.
+        """Return which `conditions` no input of U met together at the last step of plant i.
 
-        Returns:
-            `rows` are indices of `conditions`; None where one input met all, or the state of the
-            plant was not accepted.
+        None where one input met all, or the state of the plant was not accepted.
         """
         if 0 < self._bound.plants["reason"][i] < FIRST_ALARM:
             return None

@@ -20,11 +20,7 @@ World = tuple[Any, Any]
 
 
 class Guide:
-    """Leads N plants, if `settings.guidance` is not None.
-
-    Args:
-        made: settings of the filter; guidance is written into its constants.
-        samples: of the plants; where they are led is written there.
+    """Leads N plants, if `settings.guidance` is not None, by what it writes into their records.
 
     Attributes:
         guides: whether anything leads the plants.

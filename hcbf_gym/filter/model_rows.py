@@ -30,8 +30,6 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 class ModelRows:
     """Makes rows, alarms and braking inputs from f, g and jets.
 
-    Args: as `PlanarRows` takes them.
-
     Raises:
         InvalidInputError: if something is to be reserved that has no meaning for the model.
     """

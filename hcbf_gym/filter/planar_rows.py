@@ -22,13 +22,7 @@ from hcbf_gym.filter.samples import Samples
 
 
 class PlanarRows:
-    """Makes the rows of users' own barriers.
-
-    Args:
-        made: settings of the filter.
-        samples: of the plants.
-        bound: their compiled filter.
-    """
+    """Makes the rows of users' own barriers, which the compiled filter reads."""
 
     def __init__(self, made: Configured, samples: Samples, bound: Bound):
         self._made, self._samples, self._bound = made, samples, bound

@@ -45,11 +45,7 @@ class State(NamedTuple):
 class Samples:
     """The records of N plants, and their states.
 
-    Args:
-        plant: what each of them is.
-        n_u: the number of inputs.
-        count: N.
-        apart: whether the states stand beside the records, as those of any length do.
+    `apart` states stand beside the records, as those of any length do.
 
     Attributes:
         plants: (N,) `plants.PLANT`.

@@ -15,11 +15,7 @@ Listed = tuple[tuple[Any, ...], ...]
 
 
 class SceneReader:
-    """Reads the scenes of N plants.
-
-    Args:
-        count: N.
-    """
+    """Reads the scenes of `count` plants."""
 
     def __init__(self, count: int):
         self._count = count

@@ -39,11 +39,7 @@ from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Reason
 class Scenes:
     """The barriers of N plants, and whether plants can be filtered with them.
 
-    Args:
-        made: settings of the filter.
-        samples: of the plants; where barriers are refused, they get a reason to brake.
-        rows: makes their rows.
-        covering: ends where a scene changes.
+    Where barriers are refused, samples get a reason to brake; `covering` ends where one changes.
 
     Attributes:
         plant: what each plant is.
