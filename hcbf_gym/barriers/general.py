@@ -205,8 +205,9 @@ class GeneralRows:
             degrees = scenes.degree[group.scenes[0], group.places]
             lags |= _core.function_rows(made, degrees, self._alphas[1], reserved)
             out[here] = reserved
-        if lags and self._most is not None:
-            self._recover(scenes, self._most, out)
+        if lags and self._most is not None:  # rows request a stop where ψ_1 is below zero
+            for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.degree == 2)):
+                _core.recover_row(self._alphas, self._most(out[i, k, WIDTH:]), out[i, k])
 
     def _beside(
         self,
@@ -235,12 +236,6 @@ class GeneralRows:
                     made[j, k, _OF_H] = h
                     break
         return made
-
-    def _recover(self, scenes: Prepared, most: Callable[[Array], float], out: Array) -> None:
-        """Let rows request a stop where ψ_1 is below zero."""
-        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.degree == 2)):
-            row = out[i, k]
-            _core.recover_row(self._alphas, most(row[WIDTH:]), row)
 
     def prepare(self, scenes: Sequence[Conditions]) -> Prepared:
         """Return what is known of N scenes, looked up once while these are the same.

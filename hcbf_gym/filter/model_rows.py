@@ -141,21 +141,19 @@ class ModelRows:
                 margins = prepared.margins(self._made.reserve.fixed)
                 self._step.bind(*prepared.built_in, margins, self._own)
                 self._is_bound = True
-            if prepared.entries:
-                self._make(prepared)
-            else:
+            entries = prepared.entries
+            if not entries:
                 core.make_rows(self._step)
+                return self._own
+            states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
+            known = Known(states.x, time, states.model, states.lag, states.covariance)
+            if not (self._samples.has_parts or reserve.is_steep):
+                entries = []
+            with np.errstate(all="ignore"):
+                confidence, m = reserve.settings.confidence, self._own.shape[1]
+                self._step.reserve(*slopes(entries, known, confidence, m))
+                self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
         return self._own
-
-    def _make(self, prepared: Prepared) -> None:
-        """Make the rows of scenes in which users have conditions of their own."""
-        states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
-        known = Known(states.x, time, states.model, states.lag, states.covariance)
-        entries = prepared.entries if self._samples.has_parts or reserve.is_steep else ()
-        with np.errstate(all="ignore"):
-            confidence, m = reserve.settings.confidence, self._own.shape[1]
-            self._step.reserve(*slopes(entries, known, confidence, m))
-            self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
 
     def _check_uncertainty(self) -> None:
         """Refuse what has no meaning for the model."""

@@ -103,7 +103,9 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
             if begins is not None and not begins.all():
                 self._info = joined(self._info, before, begins)
 
-    def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
+    def step(  # pyright: ignore[reportIncompatibleMethodOverride] - as Gymnasium names it
+        self, actions: Array
+    ) -> tuple[Any, Array, Mask, Mask, Info]:
         """Filter u* (N, n_u) and step the environments with the result."""
         return super().step(actions)
 
