@@ -56,12 +56,13 @@ def shares() -> list[dict[str, Any]]:
     whole = _time(lambda: env.step(u)) - _time(lambda: bare.step(u))
     core: Any = env._core
     samples, buffer = core.samples, core._bound
-    whole_report = buffer._words
+    whole_report = buffer.words
     refused = buffer.plants.copy()
     refused["u_nominal"] = np.nan
     compiled = buffer.core
 
-    barriers, estimate, _ = env._sample()
+    barriers, x = env._read("barriers", "state")
+    estimate = x if isinstance(x, Estimate) else Estimate(x)
 
     def call() -> None:
         samples.time[0] += PERIOD
@@ -80,7 +81,7 @@ def shares() -> list[dict[str, Any]]:
 
     times = {
         "the action, as an array of numbers": _time(lambda: u.astype(np.float64)),
-        "the plant's readers": _time(env._sample),
+        "the plant's readers": _time(lambda: env._read("barriers", "state")),
         "taking the estimate": _time(lambda: samples.take(estimate)),
         "taking the barriers": _time(lambda: core.scenes.take(barriers, estimate, None)),
         "crossing into compiled code": (crossing := _time(refuse())) - _time(later),

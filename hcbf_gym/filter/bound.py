@@ -51,6 +51,7 @@ class Bound:
         plants: (N,) what is reported of each plant.
         rows: (N, M) `ROW`; M is m, and one more with guidance.
         u_nominal: (N, n_u) of `plants`.
+        words: (N, …) the numbers that `plants` and `rows` are made of.
     """
 
     def __init__(self, made: Configured, samples: Samples, batch: int | None, threads: int):
@@ -92,9 +93,9 @@ class Bound:
 
     def renew(self) -> None:
         """Take new memory for the next report; every step writes all rows."""
-        before, _ = self._words
+        before, _ = self.words
         self._divide(np.empty_like(self._numbers))
-        self._words[0][...] = before
+        self.words[0][...] = before
         self.plants["alpha1_scale"] = self._made.alpha1_scale  # the user may write to the last
 
     def _divide(self, memory: Array) -> None:
@@ -106,8 +107,8 @@ class Bound:
         self.u_nominal: Array = self.plants["u_nominal"]
         rows = memory[words:]
         self.rows: Records = rows.view(ROW).reshape(self._count, self._total)
-        self._words = numbers_of(self.plants), rows.reshape(self._count, -1)
-        self.core.set_report(*self._words)
+        self.words = numbers_of(self.plants), rows.reshape(self._count, -1)
+        self.core.set_report(*self.words)
 
     def filter(self, scene: BarrierSet, own: Array = NO_ROWS) -> int:
         """Filter the plants by the compiled program or a solver; return what is to be done.
@@ -151,7 +152,7 @@ class Bound:
         made = self._made
         asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
         asked.set_scene(*self._scene)
-        asked.set_report(*(words.copy() for words in self._words))
+        asked.set_report(*(words.copy() for words in self.words))
         return asked
 
 

@@ -1,5 +1,6 @@
 """From u* to u for N plants of any model: sample, rows, guidance, program, report."""
 
+from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
@@ -164,7 +165,7 @@ class FilterCore:
         barriers: object,
         estimate: Estimate,
         since: float | None = None,
-        world: tuple[object, object] | None = None,
+        world: Sequence[Any] | None = None,
     ) -> tuple[Array, Info]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
 
