@@ -55,13 +55,14 @@ def shares() -> list[dict[str, Any]]:
     u = np.zeros(2)
     whole = _time(lambda: env.step(u)) - _time(lambda: bare.step(u))
     core: Any = env._core
-    samples, buffer = core.samples, core._report
+    samples, buffer = core.samples, core._bound
     whole_report = buffer.words
     refused = buffer.plants.copy()
     refused["u_nominal"] = np.nan
-    compiled = core._bound.core()
+    compiled = buffer.core
 
-    barriers, estimate, _ = env._sample()
+    barriers, x = env._read("barriers", "state")
+    estimate = x if isinstance(x, Estimate) else Estimate(x)
 
     def call() -> None:
         samples.time[0] += PERIOD
@@ -80,9 +81,9 @@ def shares() -> list[dict[str, Any]]:
 
     times = {
         "the action, as an array of numbers": _time(lambda: u.astype(np.float64)),
-        "the plant's readers": _time(env._sample),
-        "taking the estimate": (taking := _time(lambda: samples.take(estimate, None))),
-        "taking the barriers": _time(lambda: core._take(barriers, estimate, None)) - taking,
+        "the plant's readers": _time(lambda: env._read("barriers", "state")),
+        "taking the estimate": _time(lambda: samples.take(estimate)),
+        "taking the barriers": _time(lambda: core.scenes.take(barriers, estimate, None)),
         "crossing into compiled code": (crossing := _time(refuse())) - _time(later),
         "margins, rows, program, monitor": _time(accept()) - crossing,
         "the report": _time(buffer.report),

@@ -26,8 +26,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = tuple(str(ROOT / name) + os.sep for name in ("hcbf_gym", "hcbf_robots", "hcbf_lab"))
 ARRAYS = {"arrays.hpp", "matrices.hpp", "bindings.hpp", "records.hpp"}
 MOST = {
-    "u* to u": {"Python": (10, 19), "core": (20, 107)},
-    "NaN to brake": {"Python": (11, 21), "core": (10, 31)},
+    "u* to u": {"Python": (7, 11), "core": (20, 107)},
+    "NaN to brake": {"Python": (7, 12), "core": (10, 31)},
     "u to torque": {"Python": (1, 1), "core": (12, 44)},
 }
 """Of each path so many files and functions."""

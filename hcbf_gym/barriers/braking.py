@@ -130,32 +130,6 @@ class Shortcoming(NamedTuple):
     text: str
 
 
-class _Demands(NamedTuple):
-    """What N scenes demand of a robot, (N,) each."""
-
-    left: Array  # the speed that strict limits, or the motors, leave [m/s]; or infinite
-    margin: Array  # what the limits reserve [m/s]
-    moves: Array  # the speed of the fastest strict region [m/s]
-    narrows: Mask  # whether strict regions can close in on the robot: there are two, or a map
-    slows: Mask  # whether there are strict speed zones
-
-
-def _demands(scenes: BarrierSet, speed_margin: float, fastest: float) -> _Demands:
-    strict = scenes.priority == 1
-    caps = strict & (scenes.kind == layout.SPEED_LIMIT)
-    regions = strict & scenes.is_region
-    kept = scenes.own_margin + speed_margin
-    left = np.where(caps, speed_left(scenes.parameters[..., layout.V_MAX], kept), np.inf)
-    w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
-    return _Demands(
-        left.min(axis=1, initial=fastest),
-        np.where(caps, kept, 0.0).max(axis=1, initial=0.0),
-        np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0),
-        (regions.sum(axis=1) > 1) | (strict & (scenes.kind == layout.MAPPED)).any(axis=1),
-        (strict & (scenes.kind == layout.ZONES)).any(axis=1),
-    )
-
-
 def shortcomings(
     scenes: BarrierSet,
     alpha1: ClassK,
@@ -172,7 +146,16 @@ def shortcomings(
         speed_margin: what the row of a speed limit reserves besides its own margin [m/s].
         fastest: the greatest speed where there is no limit [m/s].
     """
-    left, margin, moves, narrows, slows = _demands(scenes, speed_margin, fastest)
+    strict = scenes.priority == 1
+    caps, regions = strict & (scenes.kind == layout.SPEED_LIMIT), strict & scenes.is_region
+    kept = scenes.own_margin + speed_margin
+    left = np.where(caps, speed_left(scenes.parameters[..., layout.V_MAX], kept), np.inf)
+    left = left.min(axis=1, initial=fastest)  # by strict limits, or the motors
+    margin = np.where(caps, kept, 0.0).max(axis=1, initial=0.0)
+    w_x, w_y = np.moveaxis(scenes.parameters[..., : layout.VELOCITY_Y + 1], -1, 0)
+    moves = np.where(regions, np.hypot(w_x, w_y), 0.0).max(axis=1, initial=0.0)
+    is_map, is_zone = (strict & (scenes.kind == one) for one in (layout.MAPPED, layout.ZONES))
+    narrows = (regions.sum(axis=1) > 1) | is_map.any(axis=1)  # regions can close in on the robot
     able = (1.0 - RESERVE) * weakest(input_set)
     steep, stopped = alpha1.derivative(0.0), stoppable(alpha1, input_set)
     brakes, reserve = speed_limit.BRAKING, f"U has {able:.3g} with a tenth in reserve"
@@ -190,8 +173,8 @@ def shortcomings(
         "slowing": f"before a strict speed zone the robot brakes by {brakes:.3g} m/s², and "
         f"{reserve}; expected a larger U, or zones of a lower rank",
     }
-    where = {"flight": flees, "slowness": slow, "stopping": fast, "slowing": slows}
-    where["slowing"] &= able < brakes
+    where = {"flight": flees, "slowness": slow, "stopping": fast}
+    where["slowing"] = is_zone.any(axis=1) & (able < brakes)
     if np.isinf(alpha1.hardest_speed):
         speed = left + moves
         where["speed"] = np.isinf(left)

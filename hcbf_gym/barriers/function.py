@@ -56,7 +56,10 @@ class Function(Barrier):
                 f"{self.name}: got {shown(self.function)}, expected a function h(x, t)"
             )
         if self.parameters is not None:
-            given = _finite(f"{self.name}: parameters", self.parameters)
+            name = f"{self.name}: parameters"
+            shape = (None,) * reals(name, self.parameters).ndim
+            given = finite_array(name, self.parameters, shape)
+            given.flags.writeable = False
             object.__setattr__(self, "parameters", given)
         import_jax("barriers.Function")
 
@@ -115,13 +118,6 @@ class Function(Barrier):
         found = self._compiled(x, float(t), self.packed)
         parts: Any = [np.array(part) if np.ndim(part) else float(part) for part in found]
         return Jet(*parts)
-
-
-def _finite(name: str, value: ArrayLike) -> Array:
-    """Return a read-only copy of an array of any shape with finite entries."""
-    array = finite_array(name, value, (None,) * reals(name, value).ndim)
-    array.flags.writeable = False
-    return array
 
 
 def _traced(

@@ -1,19 +1,71 @@
-"""Which rows of functions are compiled, and for how long that is retained."""
+"""Functions of many scenes in groups, and which of their rows are compiled, for how long."""
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_rows import FunctionRows, RowsKernel
-from hcbf_gym.barriers.relative_degree import Reach
-from hcbf_gym.errors import warn_caller
+from hcbf_gym.barriers.function_rows import RowsKernel
+from hcbf_gym.barriers.relative_degree import VANISHED
+from hcbf_gym.errors import InvalidInputError, warn_caller
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 MOST = 8
 """Tuples of functions that are compiled together."""
+
+
+class Group(NamedTuple):
+    """Functions of the same signatures, at the same places of some scenes."""
+
+    scenes: Integers  # (K,) which of N
+    places: Integers  # (k,) of m
+    kernel: RowsKernel
+    functions: tuple[Function, ...]  # k, those of the first scene
+    parameters: Array  # (K, p) of each scene's functions, one behind another
+
+    def rows(self, x: Array, t: Array, margin: Array, margin_rate: Array) -> Array:
+        """Return the rows of K states.
+
+        Args:
+            x: (K, n) states.
+            t: (K,) times [s].
+            margin: (K, k) what each row reserves between h and zero.
+            margin_rate: (K, k) d margin/dt.
+
+        Returns:
+            (K, k, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning is 0 where
+            a row does not depend on the input or is not finite, and less than 1 where L_g ψ is
+            small or turns at a kink of h.
+
+        Raises:
+            InvalidInputError: if h is not finite, or an input appears below the relative degree.
+        """
+        shape = len(x), len(self.functions), self.kernel.model.n_u + 5
+        if len(x) == 1:
+            inputs = np.concatenate((x[0], t, margin[0], margin_rate[0], self.parameters[0]))
+            out = np.asarray(self.kernel.one(inputs)).reshape(shape)
+        else:
+            made = np.asarray(self.kernel.many(x, t, margin, margin_rate, self.parameters))
+            out = np.ascontiguousarray(np.moveaxis(made, -1, 0)).reshape(shape)
+        early = out[..., -1]
+        if not early.max() <= VANISHED:
+            self._refuse(out[..., -4], early)
+        return out
+
+    def _refuse(self, h: Array, early: Array) -> None:
+        """Raise the error of the function that is wrong."""
+        for k, function in enumerate(self.functions):
+            if not np.isfinite(h[..., k]).all():
+                raise InvalidInputError(f"{function.name}: got h = {h[..., k]}, expected finite h")
+            if (early[..., k] > VANISHED).any():
+                raise InvalidInputError(
+                    f"{function.name}: got an input in a derivative below the relative degree "
+                    f"{self.kernel.reaches[k].degree} of all sampled states, expected one degree "
+                    "everywhere"
+                )
 
 
 class FunctionCache:
@@ -35,28 +87,36 @@ class FunctionCache:
         self.alone: dict[object, RowsKernel] = {}
         self._warned = False
 
-    def rows(self, scenes: Sequence[Sequence[Function]]) -> "FunctionRows | SeparateRows":
-        """Return what makes the rows of m ≥ 1 functions in each of N scenes.
-
-        Args:
-            scenes: N sequences of m functions that differ in their parameters alone.
+    def groups(self, scenes: Sequence[Sequence[Any]]) -> list[Group]:
+        """Return the functions of N scenes, those of the same signatures together.
 
         Raises:
             InvalidInputError: if no input reaches a function, or it cannot be differentiated.
         """
+        alike: dict[tuple[tuple[int, ...], tuple[object, ...]], list[int]] = {}
+        for i, scene in enumerate(scenes):
+            places = tuple(k for k, one in enumerate(scene) if isinstance(one, Function))
+            if places:
+                alike.setdefault((places, tuple(scene[k].signature for k in places)), []).append(i)
+        found = []
+        for (places, key), members in alike.items():
+            first = [scenes[members[0]][k] for k in places]
+            kernel = self._kernel(key, first)
+            parts = [(places, kernel)] if kernel else [((k,), None) for k in places]
+            for part, made in parts:
+                functions = tuple(scenes[members[0]][k] for k in part)
+                packed = [np.concatenate([scenes[i][k].packed for k in part]) for i in members]
+                kernel = made or self._one(functions[0])
+                where = np.array(members), np.array(part)
+                found.append(Group(*where, kernel, functions, np.array(packed)))
+        return found
+
+    def _kernel(self, key: tuple[object, ...], functions: list[Function]) -> RowsKernel | None:
+        """Return the rows of functions that are compiled together; None where they are not."""
         model, alpha1, alpha2 = self._of
-        functions = scenes[0]
-        key = tuple(function.signature for function in functions)
         if key not in self.together and len(self.together) < MOST:
             self.together[key] = RowsKernel(model, functions, alpha1, alpha2)
-        if key in self.together:
-            return FunctionRows(self.together[key], scenes)
-        return SeparateRows(
-            [
-                FunctionRows(self._one(function), [(one[k],) for one in scenes])
-                for k, function in enumerate(functions)
-            ]
-        )
+        return self.together.get(key)
 
     def _one(self, function: Function) -> RowsKernel:
         """Return the rows of one function of a tuple that is not compiled together."""
@@ -77,19 +137,3 @@ class FunctionCache:
                 "argument, barriers.Function(name, priority, h, parameters=p) with h(x, t, p)",
             )
         return kernel
-
-
-class SeparateRows:
-    """The rows of m functions, each evaluated alone."""
-
-    def __init__(self, parts: Sequence[FunctionRows]) -> None:
-        self._parts = parts
-        self.reaches: list[Reach] = [part.reaches[0] for part in parts]
-
-    def __call__(self, x: Array, t: Array, margin: Array, margin_rate: Array) -> Array:
-        """Return the rows; see `FunctionRows`."""
-        each = [
-            part(x, t, margin[:, k : k + 1], margin_rate[:, k : k + 1])
-            for k, part in enumerate(self._parts)
-        ]
-        return np.concatenate(each, axis=1)

@@ -9,7 +9,6 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function, Scalar
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samples
-from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.autodiff import compile64, import_jax, run64
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -60,57 +59,6 @@ class RowsKernel:
         many = jax.vmap(kernel)
         self.one = wrap(_packed(kernel, model.n, len(functions)))
         self.many = wrap(lambda *inputs: jax.numpy.stack(many(*inputs)))
-
-
-class FunctionRows:
-    """The rows of m functions in each of N scenes, of a kernel for their signatures."""
-
-    def __init__(self, kernel: RowsKernel, scenes: Sequence[Sequence[Function]]) -> None:
-        self._kernel = kernel
-        self._functions = tuple(scenes[0])
-        self.reaches = kernel.reaches
-        self._parameters = np.array([np.concatenate([f.packed for f in one]) for one in scenes])
-
-    def __call__(self, x: Array, t: Array, margin: Array, margin_rate: Array) -> Array:
-        """Return the rows of N states.
-
-        Args:
-            x: (N, n) states.
-            t: (N,) times [s].
-            margin: (N, m) what each row reserves between h and zero.
-            margin_rate: (N, m) d margin/dt.
-
-        Returns:
-            (N, m, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning is 0 where
-            a row does not depend on the input or is not finite, and less than 1 where L_g ψ is
-            small or turns at a kink of h.
-
-        Raises:
-            InvalidInputError: if h is not finite, or an input appears below the relative degree.
-        """
-        shape = len(x), len(self._functions), self._kernel.model.n_u + 5
-        if len(x) == 1:
-            inputs = np.concatenate((x[0], t, margin[0], margin_rate[0], self._parameters[0]))
-            out = np.asarray(self._kernel.one(inputs)).reshape(shape)
-        else:
-            made = np.asarray(self._kernel.many(x, t, margin, margin_rate, self._parameters))
-            out = np.ascontiguousarray(np.moveaxis(made, -1, 0)).reshape(shape)
-        early = out[..., -1]
-        if not early.max() <= VANISHED:
-            self._refuse(out[..., -4], early)
-        return out
-
-    def _refuse(self, h: Array, early: Array) -> None:
-        """Raise the error of the function that is wrong."""
-        for k, function in enumerate(self._functions):
-            if not np.isfinite(h[..., k]).all():
-                raise InvalidInputError(f"{function.name}: got h = {h[..., k]}, expected finite h")
-            if (early[..., k] > VANISHED).any():
-                raise InvalidInputError(
-                    f"{function.name}: got an input in a derivative below the relative degree "
-                    f"{self.reaches[k].degree} of all sampled states, expected one degree "
-                    "everywhere"
-                )
 
 
 def reach_of_function(model: ReducedOrderModel, function: Function) -> Reach:
@@ -174,7 +122,7 @@ def _rows_kernel(
     reaches: Sequence[Reach],
     alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
 ) -> Callable[..., Any]:
-    """Return (x, t, margin, rate, parameters) → the entries of m rows, see `FunctionRows`.
+    """Return (x, t, margin, rate, parameters) → the entries of m rows, see `Group`.
 
     Early inputs are nan where h is not finite, so that one comparison finds both.
     """

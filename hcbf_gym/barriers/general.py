@@ -13,11 +13,11 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache
+from hcbf_gym.barriers.function_cache import FunctionCache, Group
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.barriers.prepared import Conditions, Group, Prepared, prepared
+from hcbf_gym.barriers.prepared import Conditions, Prepared, prepared
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.rows import ALPHA2_PSI, CONDITIONING, MARGIN, RATE, WIDTH, B, CbfRows, H
 from hcbf_gym.barriers.set import BarrierSet
@@ -136,7 +136,8 @@ class GeneralRows:
         for i, k in np.argwhere(~np.isfinite(out[..., H])):
             if not isinstance(barriers[k], Function):
                 checked(barriers[k], barriers[k].jet(states[i], float(times[i])), self.model.n)
-        out, ranks = (out[0], scenes.priority[0]) if x.ndim == 1 else (out, scenes.priority)
+        ranks = scenes.scenes.priority
+        out, ranks = (out[0], ranks[0]) if x.ndim == 1 else (out, ranks)
         self.conditioning = out[..., CONDITIONING]
         b, h, alpha2_psi = (out[..., column].copy() for column in (B, H, ALPHA2_PSI))
         return CbfRows(out[..., WIDTH:].copy(), b, h, ranks, alpha2_psi)
@@ -168,8 +169,9 @@ class GeneralRows:
                 return
             for i in range(len(x)):
                 one = slice(i, i + 1)
-                part = prepared(BarrierSet([scenes.scenes[i]]), self.functions, self.reach)
-                part.scene.parameters[:] = scenes.scene.parameters[one]
+                scene = BarrierSet([scenes.scenes.listed[i]])
+                scene.parameters[:] = scenes.scenes.parameters[one]
+                part = prepared(scene, self.functions, self.reach)
                 here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
                 self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one], here)
 
@@ -185,7 +187,7 @@ class GeneralRows:
         """Write the rows of N states; what users' own code raises is raised."""
         n, (f, g) = self.model.n, terms
         known, first = kinks or (self.kinks, 0)
-        count, m = scenes.priority.shape
+        count, m = scenes.kind.shape
         jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
         for i, k, barrier in scenes.custom:
             jet = known.jet(self.model, barrier, x[i], float(t[i]), first + i)
@@ -193,18 +195,19 @@ class GeneralRows:
             jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
             jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
         jacobian = self.model.jacobians_of(x) if scenes.turns else _NO_JACOBIAN
-        lags = _core.general_rows(*scenes.scene, jets, x, t, f, g, jacobian, self._alphas, out)
+        lags = _core.general_rows(*scenes.built_in, jets, x, t, f, g, jacobian, self._alphas, out)
         for group in scenes.groups:
             here = np.ix_(group.scenes, group.places)
             reserved, at = out[here], (x[group.scenes], t[group.scenes])
             made = group.rows(*at, reserved[..., MARGIN], reserved[..., RATE])
             if not math.isfinite(made.sum()):
                 made = self._beside(scenes, group, made, (x, t, reserved), (known, first))
-            degrees = scenes.scene.degree[group.scenes[0], group.places]
+            degrees = scenes.degree[group.scenes[0], group.places]
             lags |= _core.function_rows(made, degrees, self._alphas[1], reserved)
             out[here] = reserved
-        if lags and self._most is not None:
-            self._recover(scenes, self._most, out)
+        if lags and self._most is not None:  # rows request a stop where ψ_1 is below zero
+            for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.degree == 2)):
+                _core.recover_row(self._alphas, self._most(out[i, k, WIDTH:]), out[i, k])
 
     def _beside(
         self,
@@ -219,6 +222,7 @@ class GeneralRows:
         `at` has x (N, n) and t (N,) of all scenes [s], and what the rows reserve.
         """
         (x, t, reserved), (known, first), made = at, kinks, made.copy()
+        listed: Any = scenes.scenes.listed
         for j, k in np.argwhere(~np.isfinite(made).all(axis=2)):
             i = int(group.scenes[j])
             for beside in known.beside(self.model, x[i], first + i):
@@ -227,17 +231,11 @@ class GeneralRows:
                 times = t[group.scenes]
                 row = group.rows(moved, times, reserved[..., MARGIN], reserved[..., RATE])[j, k]
                 if np.isfinite(row).all():
-                    known.warn(scenes.scenes[i][group.places[k]], x[i])
+                    known.warn(listed[i][group.places[k]], x[i])
                     h, made[j, k] = made[j, k, _OF_H], row
                     made[j, k, _OF_H] = h
                     break
         return made
-
-    def _recover(self, scenes: Prepared, most: Callable[[Array], float], out: Array) -> None:
-        """Let rows request a stop where ψ_1 is below zero."""
-        for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.scene.degree == 2)):
-            row = out[i, k]
-            _core.recover_row(self._alphas, most(row[WIDTH:]), row)
 
     def prepare(self, scenes: Sequence[Conditions]) -> Prepared:
         """Return what is known of N scenes, looked up once while these are the same.
@@ -262,7 +260,7 @@ class GeneralRows:
         if is_bounded and key in self._reaches:
             return self._reaches[key]
         if isinstance(barrier, Function):
-            return self.functions.rows([[barrier]]).reaches[0]
+            return self.functions.groups([[barrier]])[0].kernel.reaches[0]
         if isinstance(barrier, SpeedLimit) and self.model.velocity_at != 2:
             raise InvalidInputError(
                 f"{barrier.name}: got a speed limit for {self.model}, expected a model with its "
@@ -280,11 +278,7 @@ class GeneralRows:
 
 
 def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
-    """Return numbers, or one number for all of them, in a shape.
-
-    Raises:
-        InvalidInputError: if they do not fit.
-    """
+    """Return numbers, or one number for all of them, in a shape."""
     numbers = finite_array(name, value, reals(name, value).shape)
     if numbers.ndim > len(shape) or numbers.shape != shape[len(shape) - numbers.ndim :]:
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected {shape}")

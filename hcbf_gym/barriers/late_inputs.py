@@ -10,7 +10,6 @@ derivative that it enters first, unless terms cancel.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,45 +29,36 @@ REMEDY = (
 )
 
 
-class Links(NamedTuple):
-    """Which states and inputs drive which states of a model."""
+class LateInputs:
+    """Finds barriers whose row misses an input that moves h by a later derivative.
 
-    states: Mask  # (n, n) whether ẋ_i depends on x_k
-    inputs: Mask  # (n, n_u) whether input j drives x_i
+    Attributes:
+        states: (n, n) whether ẋ_i depends on x_k.
+        inputs: (n, n_u) whether input j drives x_i.
+    """
+
+    def __init__(self, model: ReducedOrderModel) -> None:
+        self._model, n = model, model.n
+        self.states: Mask = np.zeros((n, n), dtype=np.bool_)
+        self.inputs: Mask = np.zeros((n, model.n_u), dtype=np.bool_)
+        for x in samples(model)[0]:
+            f, g = model.f(x), model.g(x)
+            rounding = _ROUNDING * (1.0 + np.abs(f).max() + np.abs(g).max())
+            self.inputs |= np.abs(g) > rounding
+            for k in range(n):
+                moved = x.copy()
+                moved[k] += _CHANGE * (1.0 + abs(x[k]))
+                self.states[:, k] |= np.abs(model.f(moved) - f) > rounding
+                self.states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
+        self._late: dict[bytes, bool] = {}
 
     def degrees(self, reads: Mask) -> NDArray[np.int64]:
         """Return (n_u,) by which derivative inputs enter a function of states `reads`; 0: never."""
         degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
-        reached = reads
         for degree in range(1, reads.size + 1):
-            degrees[(degrees == 0) & self.inputs[reached].any(axis=0)] = degree
-            reached = reached | self.states[reached].any(axis=0)
+            degrees[(degrees == 0) & self.inputs[reads].any(axis=0)] = degree
+            reads = reads | self.states[reads].any(axis=0)
         return degrees
-
-
-def links_of(model: ReducedOrderModel) -> Links:
-    """Return the links of a model, as sampled states show them."""
-    n = model.n
-    states, inputs = np.zeros((n, n), dtype=np.bool_), np.zeros((n, model.n_u), dtype=np.bool_)
-    for x in samples(model)[0]:
-        f, g = model.f(x), model.g(x)
-        rounding = _ROUNDING * (1.0 + np.abs(f).max() + np.abs(g).max())
-        inputs |= np.abs(g) > rounding
-        for k in range(n):
-            moved = x.copy()
-            moved[k] += _CHANGE * (1.0 + abs(x[k]))
-            states[:, k] |= np.abs(model.f(moved) - f) > rounding
-            states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
-    return Links(states, inputs)
-
-
-class LateInputs:
-    """Finds barriers whose row misses an input that moves h by a later derivative."""
-
-    def __init__(self, model: ReducedOrderModel) -> None:
-        self._model = model
-        self._links = links_of(model)
-        self._late: dict[bytes, bool] = {}
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
         """Return a sentence for each such barrier, of m conditions with their reaches."""
@@ -77,7 +67,7 @@ class LateInputs:
             key = reach.reads.tobytes() + reach.inputs.tobytes()
             if self._late.get(key) is False:
                 continue
-            degrees = self._links.degrees(reach.reads)
+            degrees = self.degrees(reach.reads)
             late = np.flatnonzero((degrees > 0) & ~reach.inputs)
             self._late[key] = bool(late.size)
             if late.size:

@@ -4,6 +4,7 @@ A scene is a sequence of elements. An element is a `Barrier`; `Shapes`, an array
 tracker returns; or an object of a class derived from `Several`, such as a map.
 """
 
+import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from copy import copy
@@ -134,6 +135,11 @@ Read = list[tuple[Several, tuple[Barrier, ...]]]
 def is_list(scene: object) -> TypeGuard[Sequence[Any]]:
     """Return whether something may be a sequence of elements, or of such sequences."""
     return isinstance(scene, Sequence) and not isinstance(scene, str | bytes)
+
+
+def are_same(one: Sequence[Any], other: Sequence[Any]) -> bool:
+    """Return whether two sequences hold the same objects; their values are never compared."""
+    return one is other or (len(one) == len(other) and all(map(operator.is_, one, other)))
 
 
 def flattened(scene: Iterable[Any]) -> tuple[Flat, Read]:

@@ -1,6 +1,5 @@
 """The barriers of N scenes of any model, with what stays the same from state to state."""
 
-import operator
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -10,61 +9,47 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache, SeparateRows
-from hcbf_gym.barriers.function_rows import FunctionRows
+from hcbf_gym.barriers.function_cache import FunctionCache, Group
 from hcbf_gym.barriers.layout import ELSEWHERE
+from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.set import BarrierSet
 
 Conditions = tuple[Barrier, ...]
 
 
-class Scene(NamedTuple):
-    """The barriers of N scenes, as compiled code reads them."""
-
-    kind: Integers  # (N, m) as `layout` has it, `NONE` behind a shorter scene; or `ELSEWHERE`
-    parameters: Array  # (N, m, WIDTH) the blocks of built-in ones
-    degree: Integers  # (N, m) the derivative of h that an input enters first, 1 or 2
-
-
-class Group(NamedTuple):
-    """Functions of the same signatures, at the same places of some scenes."""
-
-    scenes: Integers  # (K,) which of N
-    places: Integers  # (k,) of m
-    rows: FunctionRows | SeparateRows
-
-
 class Prepared(NamedTuple):
     """The barriers of N scenes, with what stays the same from state to state.
 
     Attributes:
-        scenes: N tuples of at most m of them; behind a shorter one there is no row.
+        scenes: of any model's states; their `priority` is 0 where there is no row.
+        kind: (N, m) as `layout` has it, or `ELSEWHERE` of functions.
+        degree: (N, m) the derivative of h that an input enters first, 1 or 2.
         groups: those that are functions.
         custom: scene, place and barrier of users' own classes.
-        scene: the others.
         reaches: how inputs reach the barriers of each scene, of the first alone where all are one.
         turns: whether an input enters the second derivative of a barrier that is no function.
-        priority: (N, m), 0 where there is no row.
-        least: (N, m) what a row reserves itself: a speed limit's margin.
-        share: (N, m) how much of a margin on the position a row reserves.
     """
 
-    scenes: tuple[Conditions, ...]
+    scenes: BarrierSet
+    kind: Integers
+    degree: Integers
     groups: list[Group]
     custom: list[tuple[int, int, Barrier]]
-    scene: Scene
     reaches: list[list[Reach]]
     turns: bool
-    priority: Integers
-    least: Array
-    share: Array
+
+    @property
+    def built_in(self) -> tuple[Integers, Array, Integers]:
+        """Kind, parameters and degree, as compiled code reads them."""
+        return self.kind, self.scenes.parameters, self.degree
 
     @property
     def entries(self) -> list[tuple[int, int, Barrier]]:
         """Scene, place and barrier of functions and of users' own classes."""
+        listed: Any = self.scenes.listed
         functions = [
-            (int(i), int(k), self.scenes[i][k])
+            (int(i), int(k), listed[i][k])
             for group in self.groups
             for i in group.scenes
             for k in group.places
@@ -73,14 +58,12 @@ class Prepared(NamedTuple):
 
     def margins(self, margin: float) -> Array:
         """Return (N, m) what each row reserves between h and zero."""
-        return self.least + margin * self.share
+        return self.scenes.own_margin + margin * self.scenes.keeps_margin
 
     def is_of(self, scenes: Sequence[Conditions]) -> bool:
         """Return whether scenes hold these very barriers."""
-        return len(self.scenes) == len(scenes) and all(
-            a is b or (len(a) == len(b) and all(map(operator.is_, a, b)))
-            for a, b in zip(self.scenes, scenes, strict=True)
-        )
+        listed = self.scenes.listed
+        return len(listed) == len(scenes) and all(map(are_same, listed, scenes))
 
 
 def prepared(
@@ -93,12 +76,12 @@ def prepared(
     """
     listed: Any = scenes.listed
     distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
-    groups = _groups(listed, functions)
+    groups = functions.groups(listed)
     of_functions = {
         (int(i), int(k)): one
         for group in groups
         for i in group.scenes[: len(distinct)]
-        for k, one in zip(group.places, group.rows.reaches, strict=True)
+        for k, one in zip(group.places, group.kernel.reaches, strict=True)
     }
     reaches = [
         [of_functions.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
@@ -114,32 +97,5 @@ def prepared(
             kind[i, k] = ELSEWHERE
         else:
             custom.append((i, k, barrier))
-    return Prepared(
-        tuple(listed),
-        groups,
-        custom,
-        Scene(kind, scenes.parameters, degree),
-        reaches,
-        bool((degree[kind != ELSEWHERE] == 2).any()),
-        scenes.priority,
-        scenes.own_margin,
-        scenes.keeps_margin,
-    )
-
-
-def _groups(scenes: Sequence[Conditions], functions: FunctionCache) -> list[Group]:
-    """Return the functions of N scenes, those of the same signatures together."""
-    found: dict[tuple[tuple[int, ...], tuple[object, ...]], list[tuple[int, list[Function]]]] = {}
-    for i, scene in enumerate(scenes):
-        there = [(k, one) for k, one in enumerate(scene) if isinstance(one, Function)]
-        if there:
-            key = tuple(k for k, _ in there), tuple(one.signature for _, one in there)
-            found.setdefault(key, []).append((i, [one for _, one in there]))
-    return [
-        Group(
-            np.array([i for i, _ in members]),
-            np.array(places),
-            functions.rows([of_scene for _, of_scene in members]),
-        )
-        for (places, _), members in found.items()
-    ]
+    turns = bool((degree[kind != ELSEWHERE] == 2).any())
+    return Prepared(scenes, kind, degree, groups, custom, reaches, turns)

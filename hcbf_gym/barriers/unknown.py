@@ -68,7 +68,7 @@ class Reserve:
             least: (N, m) what a row reserves itself.
             entries: those that are no built-in shapes; none where nothing of them is reserved.
             known: of the plants.
-            growth: (N,) by how much the drift's covariance grows until the next sample.
+            growth: (N,) of the drift's covariance until the next sample.
             out: the rows.
         """
         of_inputs, settings = largest(self._input_set), np.array(self.settings)

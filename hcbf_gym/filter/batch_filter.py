@@ -109,9 +109,11 @@ class BatchFilter:
 
     @goal.setter
     def goal(self, goal: object) -> None:
+        self._goal = np.broadcast_to(self._goals(goal), (self._count, 2)).copy()
+
+    def _goals(self, goal: object) -> Array:
         given = _numpy_of("goal", goal)
-        goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
-        self._goal = np.broadcast_to(goals, (self._count, 2)).copy()
+        return finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
 
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return name and rank of each row in the report of plant `i`."""
@@ -160,18 +162,12 @@ class BatchFilter:
             raise InvalidInputError("reset: there is no scene, expected set_scene(…) before")
         if x is None:
             raise InvalidInputError("reset: got no x, expected the states (N, 4) of all plants")
-        chosen = np.ones(self._count, dtype=np.bool_)
+        chosen: Mask = np.ones(self._count, dtype=np.bool_)
         if mask is not None:
-            chosen = _numpy_of("mask", mask)
-            if chosen.dtype != np.bool_ or chosen.shape != (self._count,):
-                raise InvalidInputError(
-                    f"mask: got {chosen.dtype} {chosen.shape}, expected bool ({self._count},)"
-                )
+            chosen = self._mask("mask", _numpy_of("mask", mask))
         if goal is not None:
-            given = _numpy_of("goal", goal)
-            goals = finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
             kept = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
-            self._goal = np.where(chosen[:, None], goals, kept)
+            self._goal = np.where(chosen[:, None], self._goals(goal), kept)
         if self._core.guides and (self._goal is None or not np.isfinite(self._goal[chosen]).all()):
             raise InvalidInputError("goal: got none for a plant that begins, expected (x, y) [m]")
         self._begun &= ~chosen  # a reset that fails leaves them without an episode
@@ -234,14 +230,17 @@ class BatchFilter:
             since = reals("elapsed", self._of_all("elapsed", elapsed))
             estimate = estimate._replace(elapsed=since)
         if missing is not None:
-            absent = self._of_all("missing", missing)
-            if absent.dtype != np.bool_ or absent.shape != (self._count,):
-                raise InvalidInputError(
-                    f"missing: got {absent.dtype} {absent.shape}, expected bool ({self._count},)"
-                )
+            absent = self._mask("missing", self._of_all("missing", missing))
             age = 0.0 if estimate.age is None else estimate.age
             estimate = estimate._replace(age=np.where(absent, math.inf, age))
         return estimate
+
+    def _mask(self, name: str, given: Numbers) -> Mask:
+        """Return (N,) booleans; refuse anything else."""
+        if given.dtype != np.bool_ or given.shape != (self._count,):
+            got = f"{name}: got {given.dtype} {given.shape}"
+            raise InvalidInputError(f"{got}, expected bool ({self._count},)")
+        return given
 
     def _of_all(self, name: str, value: object) -> Numbers:
         """Return a number of each plant, of which one may be given for all."""

@@ -1,83 +1,167 @@
-"""The compiled filter of N plants, bound to the arrays that it reads and writes."""
+"""The compiled filter of N plants, bound to what it reads, and to the report that it writes.
+
+``info["safety_filter"]`` has the fields of `report.hpp`. The keys are the same for every filter; a
+field that a filter does not write is 0.
+"""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array, Info, Records, numbers_of, record_type
+from hcbf_gym.barriers.rows import WIDTH
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.filter import solvers
 from hcbf_gym.filter.configured import Configured
-from hcbf_gym.filter.report import ReportBuffer
 from hcbf_gym.filter.samples import Samples
-
-SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
-"""Kind, parameters, priority, own margin and atlas of N scenes; without a map there is no atlas."""
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a step returns: nothing is to be done, u* is not finite, the scene is not of these plants,
 or a warning is due."""
 
+NO_ROWS: Array = np.zeros((0, 0, WIDTH + 2))
+"""Where no row was made beforehand."""
+
+
+@cache
+def plant_dtype(n_u: int) -> np.dtype[np.void]:
+    """Return what is reported of a plant of so many inputs; u* and u are behind the struct."""
+    return record_type("report.Plant", u_nominal=n_u, u_safe=n_u)
+
+
+ROW = record_type("report.Row")
+"""What is reported of each row (m,), in the order of the barriers."""
+
+_ROWS = ROW.names or ()
+_PLANTS = plant_dtype(2).names or ()
+_SCALARS = _PLANTS[:-2]
+_WORD = 8  # bytes of a number or a code
+_ROW_WORDS = ROW.itemsize // _WORD
+
 
 class Bound:
-    """Binds arrays where they are others than before, so that a step passes none.
+    """Filters plants in compiled code; arrays are bound where they are others than before.
 
-    Args:
-        made: settings of the filter.
-        samples: of the plants.
-        report: of them.
-        threads: how many cores filter parts of a batch at once.
+    `batch` is N of a batch; None for one plant, whose report has no leading N.
+
+    Attributes:
+        core: the compiled filter.
+        plants: (N,) what is reported of each plant.
+        rows: (N, M) `ROW`; M is m, and one more with guidance.
+        u_nominal: (N, n_u) of `plants`.
+        words: (N, …) the numbers that `plants` and `rows` are made of.
     """
 
-    def __init__(self, made: Configured, samples: Samples, report: ReportBuffer, threads: int):
-        self._made, self._samples, self.report, self._threads = made, samples, report, threads
-        self._forget()
+    def __init__(self, made: Configured, samples: Samples, batch: int | None, threads: int):
+        self._made, self._samples, self._threads = made, samples, threads
+        self._alone, self._count = batch is None, made.count
+        self._dtype = plant_dtype(made.input_set.n_u)
+        self.plants: Records = np.zeros(self._count, dtype=self._dtype)
+        self.plants["alpha1_scale"] = made.alpha1_scale
+        self._make_core()
+        self.widen(0, 0)
 
-    def _forget(self) -> None:
-        """Bind everything at the next step."""
-        self._core: _core.Filter | None = None
-        self._words: object = None
-        self._scene: tuple[Integers | Array | None, ...] = (None,) * 6
+    def _make_core(self) -> None:
+        """Make the compiled filter, which has no scene yet."""
+        made, samples = self._made, self._samples
+        self.core = _core.Filter(made.words, made.program, samples.words, self._threads)
+        if samples.is_apart:
+            self.core.set_states(*samples.states)
+        self._scene: tuple[Any, ...] = (None,) * 6
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs, which binds its own arrays."""
-        names = ("_made", "_samples", "report", "_threads")
-        return {name: getattr(self, name) for name in names}
+        parts = ("core", "plants", "rows", "u_nominal", "_head", "_scene")
+        return {name: value for name, value in vars(self).items() if name not in parts}
 
-    def __setstate__(self, state: dict[str, object]) -> None:
+    def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._forget()
+        self._make_core()
+        self._divide(self._numbers)
 
-    def core(self) -> _core.Filter:
-        """Return the compiled filter, bound to the plants and their reports."""
-        core, made = self._core, self._made
-        if core is None:
-            core = _core.Filter(made.words, made.program, self._samples.words, self._threads)
-            if self._samples.is_apart:
-                core.set_states(*self._samples.states)
-            self._core = core
-        if self.report.words is not self._words:
-            self._words = self.report.words
-            core.set_report(*self.report.words)
-        return core
+    def widen(self, m: int, total: int) -> None:
+        """Make room for `total` rows, of which m are reported."""
+        before, self._m, self._total = self.plants, m, total
+        words = self._dtype.itemsize // _WORD + total * _ROW_WORDS
+        self._divide(np.zeros(self._count * words))
+        self.plants[...] = before
+        if self._alone:
+            self._places = _places(self._dtype, m)
+            self._reported, self._scalars = b"", {}
 
-    def filter(self, scene: SceneArrays, own: Array) -> int:
+    def renew(self) -> None:
+        """Take new memory for the next report; every step writes all rows."""
+        before, _ = self.words
+        self._divide(np.empty_like(self._numbers))
+        self.words[0][...] = before
+        self.plants["alpha1_scale"] = self._made.alpha1_scale  # the user may write to the last
+
+    def _divide(self, memory: Array) -> None:
+        """Let the two records be parts of one memory, which is copied at once."""
+        words = self._count * self._dtype.itemsize // _WORD
+        self._numbers = memory
+        self._head = memory[1 : len(_SCALARS)]
+        self.plants = memory[:words].view(self._dtype)
+        self.u_nominal: Array = self.plants["u_nominal"]
+        rows = memory[words:]
+        self.rows: Records = rows.view(ROW).reshape(self._count, self._total)
+        self.words = numbers_of(self.plants), rows.reshape(self._count, -1)
+        self.core.set_report(*self.words)
+
+    def filter(self, scene: BarrierSet, own: Array = NO_ROWS) -> int:
         """Filter the plants by the compiled program or a solver; return what is to be done.
 
         Args:
             scene: of the plants.
             own: rows that were made beforehand.
         """
-        core = self.core()
-        kind, parameters, priority, own_margin, atlas = scene
-        a, b, c, d, e, f = self._scene
-        same = kind is a and parameters is b and priority is c and own_margin is d
-        if not (same and atlas is e and own is f):
-            core.set_scene(*scene, own)
-            self._scene = *scene, own
+        kind, parameters, priority, own_margin, atlas, rows = self._scene
+        same = kind is scene.kind and parameters is scene.parameters and own is rows
+        same = same and priority is scene.priority and own_margin is scene.own_margin
+        if not (same and atlas is scene.atlas.numbers):
+            numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
+            self._scene = *numbers, scene.atlas.numbers, own
+            self.core.set_scene(*self._scene)
         if self._made.solver is None:
-            return core.filter()
-        return solvers.answer(self._made.solver, core, self._made.count)
+            return self.core.filter()
+        return solvers.answer(self._made.solver, self.core, self._count)
+
+    def report(self) -> Info:
+        """Return what was written, by its names."""
+        if not self._alone:
+            report = {name: self.plants[name] for name in _PLANTS}
+            return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
+        head = self._head.tobytes()
+        if head != self._reported:
+            self._reported = head
+            self._scalars = {name: self.plants[name][0] for name in _SCALARS}
+        report = self._scalars.copy()
+        numbers = self._numbers.copy()
+        for name, place in self._places:
+            report[name] = numbers[place]
+        return report
+
+    def again(self) -> _core.Filter | None:
+        """Return a compiled filter of copies, as the last step left them; None before any."""
+        if self._scene[0] is None:
+            return None
+        sensed = self._samples.plants.copy()
+        sensed["known"] = 0  # or the time of the same sample would not advance
+        made = self._made
+        asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
+        asked.set_scene(*self._scene)
+        asked.set_report(*(words.copy() for words in self.words))
+        return asked
 
 
-def arrays_of(scene: BarrierSet) -> SceneArrays:
-    """Return the scenes as compiled code reads them."""
-    numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
-    return (*numbers, scene.atlas.numbers)
+def _places(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice]]:
+    """Return where one plant's memory holds the fields that differ from step to step."""
+    start, step = dtype.itemsize // _WORD, _ROW_WORDS
+    n_u, at = dtype["u_safe"].shape[0], len(_SCALARS)
+    places: list[tuple[str, int | slice]] = [("intervention", 0)]
+    places += [("u_nominal", slice(at, at + n_u)), ("u_safe", slice(at + n_u, at + 2 * n_u))]
+    return places + [
+        (name, slice(start + k, start + k + m * step, step)) for k, name in enumerate(_ROWS)
+    ]

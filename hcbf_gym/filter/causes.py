@@ -1,18 +1,19 @@
 """Why a filter brakes, in words: which part of what it was given is wrong, and where."""
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import SMOOTH
 from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, SafetyWarning, shown, warn_caller
+from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.samples import Samples, numbers_of
+from hcbf_gym.filter.scenes import Scenes
 from hcbf_gym.models.constants import FARTHEST, LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -20,58 +21,47 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 _NUMBER = re.compile(r"[\d.]+")
 
 
-class ReasonWarnings:
-    """Warns of each reason once, whatever its numbers.
+def kind_of(reason: int, cause: str) -> object:
+    """Return what a reason is warned of once as: itself, or of a wrong age old or ahead."""
+    return (reason, _NUMBER.sub("", cause)) if reason == Reason.AGE else reason
+
+
+def warn_of(reason: int, count: int, cause: str, brakes: bool) -> None:
+    """Warn of a reason.
 
     Args:
-        brakes_on_alarm: whether an alarm makes the filter brake.
+        reason: a `Reason`.
+        count: how many plants of a batch have it.
+        cause: what exactly is wrong; "" where nothing more is known.
+        brakes: whether an alarm makes the filter brake.
     """
-
-    def __init__(self, brakes_on_alarm: bool):
-        self._brakes = brakes_on_alarm
-        self._known: set[tuple[int, str]] = set()
-
-    def forget(self, reason: int) -> None:
-        """Let a reason be warned of again."""
-        self._known = {kind for kind in self._known if kind[0] != reason}
-
-    def warn(self, reason: int, count: int, cause: Callable[[int], str]) -> None:
-        """Warn of a `Reason` that was not warned of yet.
-
-        Args:
-            reason: what happened.
-            count: how many plants of a batch it happened to.
-            cause: reason → what exactly is wrong; "" where nothing more is known.
-        """
-        if reason == Reason.NONE or (reason != Reason.AGE and (reason, "") in self._known):
-            return
-        why = cause(reason)
-        kind = int(reason), _NUMBER.sub("", why) if reason == Reason.AGE else ""  # old, or ahead
-        if kind in self._known:
-            return
-        self._known.add(kind)
-        until = "until the next reset" if Reason(reason).lasts else "until that ends"
-        brakes = reason < FIRST_ALARM or self._brakes
-        does = "brakes" if brakes else "continues without a promise"
-        many = "" if count == 1 else f" of {count} plants"
-        text = f"{Reason(reason).text}{f' ({why})' if why else ''}"
-        warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)
+    until = "until the next reset" if Reason(reason).lasts else "until that ends"
+    does = "brakes" if reason < FIRST_ALARM or brakes else "continues without a promise"
+    many = "" if count == 1 else f" of {count} plants"
+    text = f"{Reason(reason).text}{f' ({cause})' if cause else ''}"
+    warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)
 
 
 def cause_of(
-    reason: int, estimate: Estimate, samples: Samples, scene: BarrierSet, plant: Plant, i: int
+    reason: int,
+    reasons: Integers,
+    estimate: Estimate,
+    samples: Samples,
+    scenes: Scenes,
+    guide: Guide,
 ) -> str:
-    """Return what exactly is wrong of plant i; "" for no more.
+    """Return what exactly is wrong of the first plant with a reason; "" for no more.
 
     Args:
-        reason: of the plant, a `Reason`.
-        estimate: of N plants.
+        reason: a `Reason`.
+        reasons: (N,) of the plants.
+        estimate: of them.
         samples: of them.
-        scene: of them.
-        plant: what each of them is.
-        i: which.
+        scenes: of them.
+        guide: of them.
     """
-    count = len(samples.plants)
+    has, plant = reasons == reason, scenes.plant
+    count, i = len(has), int(np.flatnonzero(has)[0])
     if reason == Reason.STATE:
         return _of_state(estimate, plant, i, count)
     if reason == Reason.AGE:
@@ -79,7 +69,14 @@ def cause_of(
     if reason == Reason.CLOCK:
         return _of_clock(estimate, float(samples.plants["accepted_at"][i]), i, count)
     if reason == Reason.BARRIERS:
-        return _of_barriers(scene, plant.model, samples.x[i].copy(), float(samples.time[i]), i)
+        if scenes.is_refused:
+            return str(scenes.unread)
+        x, time = samples.x[i].copy(), float(samples.time[i])
+        return _of_barriers(scenes.now, plant.model, x, time, i)
+    if reason == Reason.GOAL:
+        return guide.why(has)
+    if reason == Reason.MOVES and scenes.moving:
+        return repr(scenes.moving)
     return ""
 
 

@@ -1,6 +1,7 @@
 """The immutable configuration of a filter of N plants: validated settings, and the program."""
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -52,25 +53,10 @@ class Configured:
         program: see `plants.constants`.
         solver: the program of a solver by name; None for the compiled one.
 
-    Args:
-        plant: of the environment.
-        input_set: U.
-        settings: what the user requests.
-        count: N.
-
-    Raises:
-        UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, or the hold is too long for α₁
-            or α₂.
+    Raises: as `core.FilterCore`.
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        input_set: InputSet,
-        settings: FilterSettings,
-        count: int,
-    ):
+    def __init__(self, plant: Plant, input_set: InputSet, settings: FilterSettings, count: int):
         choose("rows", settings.rows, dict.fromkeys(("held", "usual")))
         flag("allow_late_inputs", settings.allow_late_inputs)
         if input_set.n_u != plant.model.n_u:
@@ -166,16 +152,16 @@ class Configured:
             self.solver = programs.make(
                 asked.program, input_set=input_set, solver=asked.solver, **options
             )
-        compiled = plants.solved_outside(input_set.radius)
+        numbers: dict[str, Any] = {"ranks": True, "radius": input_set.radius}
+        numbers |= {"vertices": np.zeros((1, 1, 2)), "weights": np.zeros((1, 1))}
         if input_set.n_u == 2:
             batch = programs.make_batch(asked.program, input_set=input_set, **options)
-            compiled = batch.settings_of(self.count)
-            if plant.axle is not None and compiled.by_level:  # a strict rank for what moves
-                weights = np.insert(compiled.weights, 1, np.inf, axis=1)
-                compiled = compiled._replace(weights=weights)
+            numbers = batch.settings_of(self.count)
+            if plant.axle is not None and numbers["by_level"]:  # a strict rank for what moves
+                numbers["weights"] = np.insert(numbers["weights"], 1, np.inf, axis=1)
         own = plant.uncertainty.distance if asked.margin is None else 0.0
         lags = self.uncertainty.cap > 0.0  # the robot is not its model
-        numbers = self.uncertainty._asdict()
+        numbers |= self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
         numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
         numbers["observed"] = True
@@ -196,8 +182,8 @@ class Configured:
                     CoverageWarning,
                 )
             # its U turns with the heading, and is written at every step
-            compiled = compiled._replace(vertices=np.zeros((1, 4, 2)))
-        self.words, self.program = plants.constants(compiled, numbers)
+            numbers["vertices"] = np.zeros((1, 4, 2))
+        self.words, self.program = plants.constants(numbers)
 
     @property
     def constants(self) -> Records:

@@ -1,26 +1,24 @@
 """From u* to u for N plants of any model: sample, rows, guidance, program, report."""
 
+from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Info, Mask, numbers_of
+from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
 from hcbf_gym.filter import bound
-from hcbf_gym.filter.bound import Bound, SceneArrays
-from hcbf_gym.filter.causes import ReasonWarnings, cause_of
+from hcbf_gym.filter.bound import NO_ROWS, Bound
+from hcbf_gym.filter.causes import cause_of, kind_of, warn_of
 from hcbf_gym.filter.configured import Configured
 from hcbf_gym.filter.conflict import conflict_of
 from hcbf_gym.filter.covering import Covering
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.model_rows import ModelRows
 from hcbf_gym.filter.planar_rows import PlanarRows
-from hcbf_gym.filter.report import ReportBuffer
 from hcbf_gym.filter.samples import Samples, real_numbers
 from hcbf_gym.filter.scenes import Scenes
 from hcbf_gym.filter.settings import FilterSettings
@@ -39,6 +37,7 @@ class FilterCore:
         samples: what is known of the plants.
         scenes: the barriers as they are now.
         guide: leads the plants.
+        guides: whether it does, so that they need a goal.
         covering: whether the promise was tested.
 
     Args:
@@ -66,25 +65,17 @@ class FilterCore:
         self._alone, self.count = batch is None, 1 if batch is None else batch
         self.made = made = Configured(plant, input_set, settings, self.count)
         self.samples = Samples(plant, input_set.n_u, self.count, apart=not made.is_planar)
-        self._report = ReportBuffer(batch, input_set.n_u)
-        self._report.plants["alpha1_scale"] = made.alpha1_scale
         self.covering = Covering(plant, self.count)
-        self._bound = Bound(made, self.samples, self._report, threads)
+        self._bound = Bound(made, self.samples, batch, threads)
         kind = PlanarRows if made.is_planar else ModelRows
         self._rows = kind(made, self.samples, self._bound)
         self.guide = Guide(made, self.samples)
+        self.guides = self.guide.guides
         self.scenes = Scenes(made, self.samples, self._rows, self.covering)
-        self._warnings = ReasonWarnings(made.brakes_on_alarm)
-        self._steps: Array = np.zeros(self.count)
+        self._warned: set[object] = {int(Reason.NONE)}  # the reasons that were warned of
         self._m = -1  # there was no scene yet
-        self._last: tuple[SceneArrays, Array] | None = None  # scenes and rows of the last step
         if not callable(plant.barriers):
             self.scenes.take_static(plant.barriers)
-
-    @property
-    def guides(self) -> bool:
-        """Whether guidance leads the plants, so that they need a goal."""
-        return self.guide.guides
 
     @property
     def lost(self) -> str:
@@ -100,8 +91,8 @@ class FilterCore:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
         self.join(mask)
         self.scenes.placing.forget(mask)
-        self._steps[mask] = 0.0
-        self._warnings.forget(Reason.MOVES)
+        self.samples.steps[mask] = 0.0
+        self._warned.discard(int(Reason.MOVES))
 
     def join(self, mask: Mask) -> None:
         """Forget the states of the masked plants (N,), whose episodes and clocks continue."""
@@ -144,7 +135,8 @@ class FilterCore:
             since: as `step` takes it.
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
         """
-        self._take(barriers, estimate, since)
+        self.samples.take(estimate)
+        self.scenes.take(barriers, estimate, since)
         refusal = self.scenes.refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
             raise refusal  # where no input reaches them, or their code fails, they brake
@@ -154,13 +146,13 @@ class FilterCore:
             self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
             self.guide.begin(scenes, (goal, extent), fresh, is_first)
         fresh[:] = False
-        remembered, counted = self._rows.remembered(), self._steps.copy()
+        remembered, counted = self._rows.remembered(), self.samples.steps.copy()
         n_u = self.input_set.n_u
         nothing = np.zeros(n_u if self._alone else (self.count, n_u))
         u, report = self.step(nothing, barriers, estimate, since)
         self._rows.restore(remembered)
         self.scenes.is_due = True
-        self._steps[:] = counted
+        self.samples.steps[:] = counted
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
         for key in ("slack", "delta", "intervention", "fallbacks"):
@@ -173,7 +165,7 @@ class FilterCore:
         barriers: object,
         estimate: Estimate,
         since: float | None = None,
-        world: tuple[object, object] | None = None,
+        world: Sequence[Any] | None = None,
     ) -> tuple[Array, Info]:
         """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
 
@@ -185,63 +177,42 @@ class FilterCore:
                 present.
             world: goal and extent as they are now [m]; None is as they were.
         """
-        report = self._report
-        self._take(barriers, estimate, since)
+        report = self._bound
+        if not self._alone:
+            report.renew()  # the user has the memory of the last report
+        self.samples.take(estimate)
+        self.scenes.take(barriers, estimate, since)
+        scene = self.scenes.now
         if self.covering.is_new or not self._alone:
             self.covering.write(report.plants)
-        scene = self.scenes.now
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
             report.widen(self._m, self._m + self.guide.has_row)
             self._rows.widen(self._m)
         report.u_nominal[...] = u_nominal
-        if self.guide.guides:
+        if self.guides:
             self.guide.lead(scene, report.u_nominal, world)
-        self._last = bound.arrays_of(scene), self._rows.make(scene, u_nominal)
-        answer = self._bound.filter(*self._last)
+        own = NO_ROWS
+        if scene.own or not self.made.is_planar:
+            own = self._rows.make(scene, u_nominal)
+        answer = report.filter(scene, own)
         if answer in (bound.NOT_FINITE, bound.MISSHAPED):
             self._refuse(answer, u_nominal)
         if estimate.time is None:
-            self._steps += 1.0
+            self.samples.steps += 1.0
         if answer == bound.ASKS:
             self._finish(estimate)
         found = report.report()
         return found["u_safe"], found
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
-        """Return which conditions no input of U met together at the last step of plant i.
+        """Return which `conditions` no input of U met together at the last step of plant i.
 
-        Returns:
-            `rows` are indices of `conditions`; None where one input met all, or the state of the
-            plant was not accepted.
+        None where one input met all, or the state of the plant was not accepted.
         """
-        if self._last is None or 0 < self._report.plants["reason"][i] < FIRST_ALARM:
+        if 0 < self._bound.plants["reason"][i] < FIRST_ALARM:
             return None
-        scene, own = self._last
-        sensed = self.samples.plants.copy()
-        sensed["known"] = 0  # or the time of the same sample would not advance
-        numbers, rows = (words.copy() for words in self._report.words)
-        made = self.made
-        asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
-        asked.set_scene(*scene, own)
-        asked.set_report(numbers, rows)
-        turns = self.plant.axle is not None
-        slack = self._report.rows["slack"][i]
-        return conflict_of(asked, i, slack, None if turns else self.input_set)
-
-    def _take(self, barriers: object, estimate: Estimate, since: float | None) -> None:
-        """Note the states, and the barriers as they are now.
-
-        A batch's report gets new memory: the user has that of the last one.
-        """
-        if not self._alone:
-            self._report.renew()
-            self._report.plants["alpha1_scale"] = self.made.alpha1_scale
-        now: ArrayLike | None = None
-        if estimate.time is None:
-            now = self._steps * (self.plant.period or 0.0)
-        self.samples.take(estimate, now)
-        self.scenes.take(barriers, estimate, since)
+        return conflict_of(self._bound, i, None if self.plant.axle else self.input_set)
 
     def _refuse(self, answer: int, u_nominal: Array) -> None:
         """Refuse u* that is not finite, or scenes that are not of these plants."""
@@ -260,7 +231,7 @@ class FilterCore:
 
     def _finish(self, estimate: Estimate) -> None:
         """Brake as the user requests, and warn."""
-        found, rows = self._report.plants, self._report.rows
+        found, rows = self._bound.plants, self._bound.rows
         if self.plant.brake is not None:
             for i in np.flatnonzero(found["status"] == FilterStatus.BACKUP):
                 u = self._users_brake(int(i)).astype(self.made.dtype)
@@ -268,20 +239,13 @@ class FilterCore:
                 found["intervention"][i] = np.linalg.norm(u - found["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
         reasons = found["reason"].tolist()
-        for reason in sorted(set(reasons)):
-            self._warnings.warn(reason, reasons.count(reason), lambda at: self._cause(at, estimate))
-
-    def _cause(self, reason: int, estimate: Estimate) -> str:
-        """Return what exactly is wrong of the first plant with a reason; "" for no more."""
-        has = self._report.plants["reason"] == reason
-        if reason == Reason.GOAL:
-            return self.guide.why(has)
-        scenes, i = self.scenes, int(np.flatnonzero(has)[0])
-        if reason == Reason.BARRIERS and scenes.is_refused:
-            return str(scenes.unread)
-        if reason == Reason.MOVES:
-            return repr(scenes.moving) if scenes.moving else ""
-        return cause_of(reason, estimate, self.samples, scenes.now, self.plant, i)
+        for reason in sorted(set(reasons) - self._warned):
+            known = estimate, self.samples, self.scenes, self.guide
+            cause = cause_of(reason, found["reason"], *known)
+            kind = kind_of(reason, cause)
+            if kind not in self._warned:
+                self._warned.add(kind)
+                warn_of(reason, reasons.count(reason), cause, self.made.brakes_on_alarm)
 
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that reads a state."""

@@ -15,10 +15,6 @@ PLAIN = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
 class Covering:
     """What is covered of N plants, and why not.
 
-    Args:
-        plant: what each of them is.
-        count: N.
-
     Attributes:
         is_new: whether something changed since it was written last.
     """

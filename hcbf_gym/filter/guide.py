@@ -1,6 +1,6 @@
 """Guidance of N planar double integrators, as the filter requests it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -15,16 +15,12 @@ from hcbf_gym.filter.samples import Samples
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
 
-World = tuple[Any, Any]
+World = Sequence[Any]
 """The goal, and the extent or None, as a plant gives them [m]."""
 
 
 class Guide:
-    """Leads N plants, if `settings.guidance` is not None.
-
-    Args:
-        made: settings of the filter; guidance is written into its constants.
-        samples: of the plants; where they are led is written there.
+    """Leads N plants, if `settings.guidance` is not None, by what it writes into their records.
 
     Attributes:
         guides: whether anything leads the plants.
@@ -79,12 +75,11 @@ class Guide:
             if isinstance(guide, Local):
                 guide.reset(scenes, mask=mask)
             elif guide is not None:
-                self._world = deepcopy(samples.origin.world(world)) or (None, None)
+                goal, extent = self._world = deepcopy(samples.origin.world(world)) or (None, None)
                 place = samples.x[:, :2]
                 start, time = (np.where(np.isfinite(a), a, 0.0) for a in (place, samples.time))
-                guide.begin(
-                    scenes, *self._world, self._made.clearance, start=start, mask=mask, t=time
-                )
+                clearance = self._made.clearance
+                guide.begin(scenes, goal, extent, clearance, start=start, mask=mask, t=time)
         except InvalidInputError as error:
             if is_first:
                 raise

@@ -30,8 +30,6 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 class ModelRows:
     """Makes rows, alarms and braking inputs from f, g and jets.
 
-    Args: as `PlanarRows` takes them.
-
     Raises:
         InvalidInputError: if something is to be reserved that has no meaning for the model.
     """
@@ -120,13 +118,13 @@ class ModelRows:
             warn_of_concave(own, self._made.plant.model)
         prepared = self._rows_of.prepare(scenes)
         shape = scene.is_region  # as of time 0
-        prepared.scene.parameters[shape] = scene.parameters[shape]
+        prepared.scenes.parameters[shape] = scene.parameters[shape]
         reaches = [reach for one in prepared.reaches for reach in one]
         period = self._made.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self._made.alpha1)
         self._prepared, self._is_bound = prepared, False
-        distinct = prepared.scenes[: len(prepared.reaches)]
+        distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
 
     def look_back(self, scene: BarrierSet) -> bool:
@@ -136,28 +134,26 @@ class ModelRows:
     def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
         """Check the states, compare them with what was expected, and return the rows."""
         self._kinks.u = u_nominal
-        prepared, core = self._prepared, self._bound.core()
+        prepared, core = self._prepared, self._bound.core
         if core.sense(self._step, self._samples.has_parts) and prepared is not None:
             if not self._is_bound:
-                self._own[..., PLACED] = prepared.share > 0.0
+                self._own[..., PLACED] = prepared.scenes.keeps_margin
                 margins = prepared.margins(self._made.reserve.fixed)
-                self._step.bind(*prepared.scene, margins, self._own)
+                self._step.bind(*prepared.built_in, margins, self._own)
                 self._is_bound = True
-            if prepared.entries:
-                self._make(prepared)
-            else:
+            entries = prepared.entries
+            if not entries:
                 core.make_rows(self._step)
+                return self._own
+            states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
+            known = Known(states.x, time, states.model, states.lag, states.covariance)
+            if not (self._samples.has_parts or reserve.is_steep):
+                entries = []
+            with np.errstate(all="ignore"):
+                confidence, m = reserve.settings.confidence, self._own.shape[1]
+                self._step.reserve(*slopes(entries, known, confidence, m))
+                self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
         return self._own
-
-    def _make(self, prepared: Prepared) -> None:
-        """Make the rows of scenes in which users have conditions of their own."""
-        states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
-        known = Known(states.x, time, states.model, states.lag, states.covariance)
-        entries = prepared.entries if self._samples.has_parts or reserve.is_steep else ()
-        with np.errstate(all="ignore"):
-            confidence, m = reserve.settings.confidence, self._own.shape[1]
-            self._step.reserve(*slopes(entries, known, confidence, m))
-            self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
 
     def _check_uncertainty(self) -> None:
         """Refuse what has no meaning for the model."""

@@ -38,9 +38,6 @@ _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
 class Nearness:
     """What of the approach of regions to N plants their velocities do not explain.
 
-    Args:
-        count: N.
-
     Attributes:
         is_some: whether there is any.
     """

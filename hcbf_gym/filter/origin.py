@@ -1,5 +1,6 @@
 """Positions count from near a plant's start where that is far away, as survey coordinates are."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ class Origin:
         """Let states (N, n) count from here, in place."""
         x[:, :2] -= self.at
 
-    def world(self, world: tuple[Any, Any] | None) -> tuple[Any, Any] | None:
+    def world(self, world: Sequence[Any] | None) -> Sequence[Any] | None:
         """Return a goal and an extent as they count from here; what is malformed stays as it is."""
         if world is None or not self.is_far:
             return world

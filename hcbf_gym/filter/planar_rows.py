@@ -1,6 +1,5 @@
 """Rows of N planar double integrators: the core makes them, but for users' own barriers."""
 
-import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,32 +9,25 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.kinks import Kinks
+from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.planar_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Known
 from hcbf_gym.errors import UNREADABLE
-from hcbf_gym.filter.bound import Bound, arrays_of
+from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import Configured
 from hcbf_gym.filter.samples import Samples
 
 
 class PlanarRows:
-    """Makes the rows of users' own barriers.
-
-    Args:
-        made: settings of the filter.
-        samples: of the plants.
-        bound: their compiled filter.
-    """
+    """Makes the rows of users' own barriers, which the compiled filter reads."""
 
     def __init__(self, made: Configured, samples: Samples, bound: Bound):
         self._made, self._samples, self._bound = made, samples, bound
         self._kinks = Kinks()
-        self._none: Array = np.zeros((0, 0, WIDTH + 2))
-        self._own = self._none
-        self._m = -1
+        self.widen(0)
         self._accepted: tuple[Barrier, ...] = ()
 
     def check(self, barriers: object, given: BarrierSet) -> None:
@@ -47,8 +39,7 @@ class PlanarRows:
 
     def widen(self, m: int) -> None:
         """Make room for m rows."""
-        self._m = m
-        self._own = np.zeros((self._made.count, m, WIDTH + 2))
+        self._own: Array = np.zeros((self._made.count, m, WIDTH + 2))
         self._own[..., PLACED] = 1.0
 
     def remembered(self) -> Any:
@@ -62,7 +53,7 @@ class PlanarRows:
     def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
         """Return users' own barriers and how inputs reach them, if they are others than before."""
         own = tuple(scene.own.values())
-        if len(own) == len(self._accepted) and all(map(operator.is_, own, self._accepted)):
+        if are_same(own, self._accepted):
             return (), ()
         self._accepted = ()
         reaches = [usual(self._made.row_settings).reach(barrier) for barrier in own]
@@ -75,12 +66,12 @@ class PlanarRows:
 
         The filter answers as if the scene had stayed, and forgets that it did.
         """
-        if scene.own or scene.kind.shape[1] != self._m:
+        if scene.own or scene.kind.shape[1] != self._own.shape[1]:
             return False
         samples = self._samples
         before = samples.remembered()
-        self._bound.report.u_nominal[...] = 0.0
-        self._bound.filter(arrays_of(scene), self._none)
+        self._bound.u_nominal[...] = 0.0
+        self._bound.filter(scene)
         plants = samples.plants
         least = {name: plants[name].copy() for name in ("kept", "headway")}
         samples.restore(before)
@@ -90,10 +81,8 @@ class PlanarRows:
         return True
 
     def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
-        """Return the rows (N, m, WIDTH + 2) of users' own barriers; (0, 0, WIDTH + 2) for none."""
+        """Return the rows (N, m, WIDTH + 2) of users' own barriers."""
         self._kinks.u = u_nominal
-        if not scene.own:
-            return self._none
         if np.isfinite(u_nominal).all():
             self._make(scene)
         return self._own
@@ -101,7 +90,7 @@ class PlanarRows:
     def _make(self, scene: BarrierSet) -> None:
         """Check the states, and make the rows."""
         made, plants, out = self._made, self._samples.plants, self._own
-        self._bound.core().check_states()
+        self._bound.core.check_states()
         reach = 0.0 if made.plant.axle is None else made.plant.axle.look_ahead
         reserve = made.reserve
         known = Known(*(plants[name].copy() for name in Known._fields))

@@ -1,11 +1,11 @@
 """What the compiled core reads and writes: constants and plants, as its `plants.hpp` has them."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from hcbf_gym.arrays import Array, record_type
-from hcbf_gym.programs.planar import Settings
 
 COMPARED, CHANGED = 1, 2
 """What came in unforeseen: barriers that are compared with those before; whatever it is, others, or
@@ -29,27 +29,15 @@ PLANT = plant_dtype(2)
 """What is known of one plant of two inputs."""
 
 
-def constants(settings: Settings, others: dict[str, object]) -> tuple[Array, Array]:
+def constants(fields: dict[str, Any]) -> tuple[Array, Array]:
     """Return the numbers of a `CONSTANTS`; and the corners of U, the program's weights behind them.
 
     Args:
-        settings: of the program.
-        others: the rest of the constants, by their names.
+        fields: of the constants, and (1, V, 2) `vertices` and (K, 1 + L) `weights`.
     """
     record = np.zeros(1, dtype=CONSTANTS)
-    own = settings._asdict()
-    vertices, weights = own.pop("vertices"), own.pop("weights")
-    sizes = {"corners": vertices.shape[1], "weights": weights.shape[1]}
-    for name, number in (own | sizes | others).items():
+    vertices, weights = fields.pop("vertices"), fields.pop("weights")
+    for name, number in fields.items():
         record[name] = number
+    record["corners"], record["weights"] = vertices.shape[1], weights.shape[1]
     return record.view(np.float64), np.concatenate([vertices.ravel(), weights.ravel()])
-
-
-def solved_outside(radius: float) -> Settings:
-    """Return the settings of a program that a solver outside answers.
-
-    Args:
-        radius: the largest norm of an input.
-    """
-    nothing = np.zeros((1, 1, 2)), np.zeros((1, 1))
-    return Settings(0, False, 0, True, False, radius, 0.0, False, *nothing)

@@ -45,11 +45,7 @@ class State(NamedTuple):
 class Samples:
     """The records of N plants, and their states.
 
-    Args:
-        plant: what each of them is.
-        n_u: the number of inputs.
-        count: N.
-        apart: whether the states stand beside the records, as those of any length do.
+    `apart` states stand beside the records, as those of any length do.
 
     Attributes:
         plants: (N,) `plants.PLANT`.
@@ -57,6 +53,7 @@ class Samples:
         states: of them.
         input: (N, n_u) that was applied last.
         time: (N,) of the states [s].
+        steps: (N,) of the episode, which count where no estimate has a time.
         has_parts: whether a sample held more than x.
         wrong_age: what is wrong with a stamp, for plants of the reason AGE.
         origin: from where positions count.
@@ -73,6 +70,7 @@ class Samples:
         self._faulty, self.has_parts, self._varies = False, False, False
         self.wrong_age, self.is_rebased = "", False
         self.fresh: Mask = np.ones(count, dtype=np.bool_)
+        self.steps: Array = np.zeros(count)
         n = plant.model.n
         shapes = (n,), (n,), (n,), (n, n), (n,)
         own = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
@@ -132,19 +130,14 @@ class Samples:
         vars(self).update(state)
         self._name_parts(self.plants, self._own)
 
-    def take(self, estimate: Estimate, now: ArrayLike | None) -> None:
-        """Note what is known of the plants.
-
-        Args:
-            estimate: as the plant's reader returned it.
-            now: () or (N,) the time where the estimate has none [s].
-        """
+    def take(self, estimate: Estimate) -> None:
+        """Note what is known of the plants, as their reader returned it."""
         if estimate.fault is not None or self._faulty:
             self._faulty = estimate.fault is not None
             self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
         noted = sound = self._note(self._states, estimate.x)
         if estimate.time is None:
-            self.time[:] = now
+            self.time[:] = self.steps * self._period
         elif not self._note(self._times, estimate.time):
             self.time[:] = -np.inf  # before any other
         if estimate.elapsed is not None or self._varies:

@@ -5,10 +5,9 @@ that was made of them stays: objects are compared, never their values.
 """
 
 import operator
-from collections.abc import Sequence
 from typing import Any
 
-from hcbf_gym.barriers.many import Flat, Read, flattened, is_list
+from hcbf_gym.barriers.many import Flat, Read, are_same, flattened, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, shown
 
@@ -16,11 +15,7 @@ Listed = tuple[tuple[Any, ...], ...]
 
 
 class SceneReader:
-    """Reads the scenes of N plants.
-
-    Args:
-        count: N.
-    """
+    """Reads the scenes of `count` plants."""
 
     def __init__(self, count: int):
         self._count = count
@@ -41,16 +36,16 @@ class SceneReader:
             return barriers
         if barriers is None or not (barriers is self._fixed or self._is_last(barriers)):
             scenes = self._sequences(barriers)
-            if len(scenes) != len(self._scenes) or not all(map(_same, scenes, self._scenes)):
+            if len(scenes) != len(self._scenes) or not all(map(are_same, scenes, self._scenes)):
                 self._read(scenes, barriers)
-        if not all(_same(one.conditions, conditions) for one, conditions in self._several):
+        if not all(are_same(one.conditions, conditions) for one, conditions in self._several):
             self._read(self._scenes, barriers)
         return self._set
 
     def _is_last(self, barriers: Any) -> bool:
         """Return whether a list for all plants holds the objects that were read last."""
         scenes = self._scenes
-        return type(barriers) is list and len(scenes) == 1 and _same(barriers, scenes[0])
+        return type(barriers) is list and len(scenes) == 1 and are_same(barriers, scenes[0])
 
     def _sequences(self, barriers: Any) -> Listed:
         """Return one scene for all plants, or N, as tuples of elements."""
@@ -89,8 +84,3 @@ class SceneReader:
         is_tuple = type(barriers) is tuple
         fixed = is_tuple and (scenes[0] is barriers or all(map(operator.is_, scenes, barriers)))
         self._scenes, self._fixed = scenes, barriers if fixed else None
-
-
-def _same(one: Sequence[Any], other: Sequence[Any]) -> bool:
-    """Return whether two sequences hold the same objects."""
-    return one is other or (len(one) == len(other) and all(map(operator.is_, one, other)))

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from operator import is_
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
+from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.mapped import SeenRegion
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import Reach
@@ -39,13 +39,10 @@ from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Reason
 class Scenes:
     """The barriers of N plants, and whether plants can be filtered with them.
 
-    Args:
-        made: settings of the filter.
-        samples: of the plants; where barriers are refused, they get a reason to brake.
-        rows: makes their rows.
-        covering: ends where a scene changes.
+    Where barriers are refused, samples get a reason to brake; `covering` ends where one changes.
 
     Attributes:
+        plant: what each plant is.
         now: the scenes as of time 0 of the plants' clocks.
         read: barriers → the set of their scenes.
         placing: since when shapes count.
@@ -61,6 +58,7 @@ class Scenes:
         self, made: Configured, samples: Samples, rows: PlanarRows | ModelRows, covering: Covering
     ):
         self._made, self._samples, self._rows, self._covering = made, samples, rows, covering
+        self.plant = made.plant
         count = made.count
         self.now = self._given = BarrierSet([()] * count)
         self._version, self._edits = self.now.version.copy(), -1
@@ -88,7 +86,9 @@ class Scenes:
         """
         samples = self._samples
         try:
-            given = self._read(barriers)
+            given = self._given
+            if barriers is not given or samples.origin.is_far:  # no environment's set
+                given = self._read(barriers)
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self.unread = error
             self.is_refused, self.refusal = True, None
@@ -149,8 +149,6 @@ class Scenes:
             except InvalidInputError as error:
                 self._warn_once("far", f"far from the origin: {error}", SafetyWarning)
                 raise
-        if barriers is self._given:  # an environment's set
-            return self._given
         given = self.read(barriers)
         if given is not self._given:
             self._rows.check(barriers, given)
@@ -197,8 +195,7 @@ class Scenes:
         if self.is_refused:
             return np.ones(self._made.count, dtype=np.bool_)
         return np.array([
-            one is not other and (len(one) != len(other) or not all(map(is_, one, other)))
-            for one, other in zip(given.listed, self._given.listed, strict=True)
+            not are_same(*pair) for pair in zip(given.listed, self._given.listed, strict=True)
         ])  # fmt: skip
 
     def _time(self) -> Array:

@@ -23,18 +23,7 @@ MOST_CORNERS = 64
 
 
 class FilterSettings(NamedTuple):
-    """What the user asked of a filter.
-
-    Attributes:
-        program: its name, or a plan.
-        rows: "held" or "usual".
-        guidance: "geodesic", "local", a plain dict with more of it, or None.
-        margin: [m]; None derives it.
-        solver: its name; None is the compiled path where there is one.
-        on_alarm: "warn" or "brake"; None takes the plant's.
-        allow_late_inputs: whether a row may miss an input that helps later.
-        options: α₁, α₂ and the program's own.
-    """
+    """What the user asked of a filter: the arguments of `wrappers.SafetyFilter` by their names."""
 
     program: programs.Named
     rows: str

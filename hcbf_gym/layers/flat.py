@@ -82,7 +82,7 @@ class FlatFilter:
         )
         check_limits(scene, (period, made.input_set.radius))
         self.blocks = scene.parameters[0]
-        core = _core.PlanarProgram(*made.settings_of(1))
+        core = _core.PlanarProgram(*made.settings_of(1).values())
         self._fixed = core, kind, scene.priority[0], settings.packed
         self._width = 6 + self._m * (layout.WIDTH + _MARGINS)
 

@@ -59,11 +59,7 @@ def run64(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _note_process() -> None:
-    """Refuse to run JAX in a fork of a process in which it ran: its threads are not copied.
-
-    Raises:
-        InvalidInputError: in such a process, where JAX would wait for them for ever.
-    """
+    """Refuse to run JAX in a fork of a process in which it ran: its threads are not copied."""
     global _ran_in
     process = os.getpid()
     if _ran_in is None:

@@ -103,11 +103,7 @@ class ControlAffine(ReducedOrderModel):
 
 
 def _tried(name: str, function: Callable[[Any], Any], x: Array) -> Any:
-    """Return what a user's function gives at a state.
-
-    Raises:
-        InvalidInputError: if it cannot be called, or raises an error.
-    """
+    """Return what a user's function gives at a state."""
     if not callable(function):
         raise InvalidInputError(f"{name}: got {shown(function)}, expected a function of x (n,)")
     try:

@@ -74,11 +74,7 @@ class Grid:
 
 
 def _pairs(name: str, values: ArrayLike) -> Array:
-    """Return (…, 2) real numbers.
-
-    Raises:
-        InvalidInputError: if they are none.
-    """
+    """Return (…, 2) real numbers."""
     pairs = reals(name, values)
     if pairs.shape[-1:] != (2,):
         raise InvalidInputError(f"{name}: got shape {pairs.shape}, expected (N, 2)")

@@ -14,11 +14,7 @@ from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float
 
 
 def _entries(name: str, value: object, n: int) -> Array:
-    """Return (n,) real numbers, which may be NaN or infinite.
-
-    Raises:
-        InvalidInputError: if they are none.
-    """
+    """Return (n,) real numbers, which may be NaN or infinite."""
     numbers = reals(name, value)
     if numbers.shape != (n,):
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected ({n},)")

@@ -77,14 +77,12 @@ def make_batch(
     """Return a program for N states of two inputs at once.
 
     Args:
-        program: one of :func:`names`, or a plan of your own.
-        input_set: U, as :func:`make` takes it.
-        program_options: among :func:`options`. There is no solver to choose.
+        program: as :func:`make` takes it, like all others. There is no solver to choose.
+        input_set: U.
+        program_options: among :func:`options`.
 
     Raises:
-        UnknownNameError: on an unknown program; the message lists the choices.
-        InvalidInputError: on an unknown option, a value that the program refuses, or an input set
-            that is not planar.
+        InvalidInputError: as :func:`make`, or on an input set that is not planar.
     """
     return BatchProgram(*_read(program, program_options, input_set))
 

@@ -1,6 +1,6 @@
 """Which rows conflict now, which priority pays for it, and how far a row's set has shrunk."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,18 +55,19 @@ def conflict_report(
             f"conflict report: got rows of shape {rows.b.shape} and a result of shape "
             f"{np.shape(result.slack)}, expected both of one state: (m,)"
         )
-    return conflict_among(rows, result.slack, input_set)
+    return conflict_among(rows, result.slack, input_set.halfspaces())
 
 
-def conflict_among(rows: CbfRows, slack: Array, limits: Any) -> ConflictReport | None:
+def conflict_among(
+    rows: CbfRows, slack: Array, admissible: tuple[Array, Array]
+) -> ConflictReport | None:
     """Report the conflict among rows that are sound; see `conflict_report`.
 
     Args:
         rows: the rows of one state.
         slack: (m,) what a program violates them by.
-        limits: U, by its n_u, radius and halfspaces().
+        admissible: A (V, n_u) and b (V,) of ``U = {u : A u ≥ b}``.
     """
-    admissible = limits.halfspaces()
     kept = np.argsort(rows.priority, kind="stable")
     if _feasible(rows, kept, admissible):
         return None

@@ -5,7 +5,7 @@ What is given up with that: the violations that a level pays are the least up to
 as exact as they decide it; see `soft_minimum::keep_least`.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,41 +23,8 @@ from hcbf_gym.programs.result import FilterResult, FilterStatus
 _STATUSES = tuple(FilterStatus)
 
 
-class Settings(NamedTuple):
-    """A program's plan, its prices and U; `program_records::Settings` of the core.
-
-    Attributes:
-        lower: its place in `plans.LOWER`.
-        by_level: whether each priority is a stage; if not there are two, strict rows and others.
-        lock: its place in `plans.LOCK`.
-        ranks: whether rows of priority 1 come before the others.
-        guided: whether guidance may add a row of the last rank, which costs the others nothing.
-        radius: the largest norm of an input in U.
-        lambda_u: λ_u.
-        known_offset: as `Prices` has it.
-        vertices: (K, V, 2) the corners of U, counter-clockwise; K is 1, or N for N states with a U
-            of their own.
-        weights: (K, 1 + L) as `Prices` has them. K as above.
-    """
-
-    lower: int
-    by_level: bool
-    lock: int
-    ranks: bool
-    guided: bool
-    radius: float
-    lambda_u: float
-    known_offset: bool
-    vertices: Array
-    weights: Array
-
-
 class _Compiled:
-    """What one state and N of them share: a program as the core reads it.
-
-    Raises:
-        InvalidInputError: if U has not two inputs.
-    """
+    """What one state and N of them share: a program as the core reads it."""
 
     def __init__(self, plan: Plan, prices: Prices, input_set: InputSet) -> None:
         if input_set.n_u != 2:
@@ -65,31 +32,33 @@ class _Compiled:
                 f"batch: got {input_set.n_u} inputs, expected 2: use the single program"
             )
         self.plan, self.prices, self.input_set = plan, prices, input_set
-        self._settings = Settings(
-            LOWER.index(plan.lower),
-            plan.order == "by level",
-            LOCK.index(plan.lock),
-            plan.ranks,
-            plan.strict == "all" and plan.order == "by level",
-            input_set.radius,
-            prices.lambda_u,
-            prices.known_offset,
-            np.ascontiguousarray(input_set.vertices())[None],
-            np.ascontiguousarray(prices.weights),
-        )
-        self._core = _core.PlanarProgram(*self._settings)
+        self._settings: dict[str, Any] = {
+            "lower": LOWER.index(plan.lower),
+            "by_level": plan.order == "by level",
+            "lock": LOCK.index(plan.lock),
+            "ranks": plan.ranks,
+            "guided": plan.strict == "all" and plan.order == "by level",
+            "radius": input_set.radius,
+            "lambda_u": prices.lambda_u,
+            "known_offset": prices.known_offset,
+            "vertices": np.ascontiguousarray(input_set.vertices())[None],
+            "weights": np.ascontiguousarray(prices.weights),
+        }
+        self._core = _core.PlanarProgram(*self._settings.values())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.plan, self.prices, self.input_set)
 
-    def settings_of(self, count: int) -> Settings:
-        """Return the program for a filter of N states.
+    def settings_of(self, count: int) -> dict[str, Any]:
+        """Return the fields of the core's `program_records::Settings` for a filter of N states.
+
+        Corners (1, V, 2) of U and weights (K, 1 + L) are last; K is 1, or N.
 
         Raises:
             InvalidInputError: if the weights are those of another number of states.
         """
         self.prices.check(count)
-        return self._settings
+        return self._settings.copy()
 
     def _solve(self, u_nominal: Array, rows: CbfRows) -> Array:
         """Return u, slack, δ and the statuses of all states, one after the other."""
@@ -170,11 +139,7 @@ class BatchProgram(_Compiled):
 
 
 def _dimensions(rows: CbfRows) -> int:
-    """Return how many axes b has.
-
-    Raises:
-        InvalidInputError: if they are no rows of real numbers.
-    """
+    """Return how many axes b has."""
     parts = rows if isinstance(rows, CbfRows) else (None,)
     if not all(type(part) is np.ndarray and holds_numbers(part.dtype) for part in parts[:4]):
         check_shapes(rows, 2)

@@ -95,11 +95,7 @@ class Prices(NamedTuple):
 
 
 def _of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) -> Array:
-    """Return the table of weights of the priorities from 1 on; None, and what is beyond, is strict.
-
-    Raises:
-        InvalidInputError: on no list, negative or infinite weights, or one for priority 1.
-    """
+    """Return the weights of the priorities from 1 on; None, and what is beyond, is strict."""
     if isinstance(weights, str) or not isinstance(weights, Sequence):
         raise InvalidInputError(
             f"weights: got {shown(weights)}, expected a list of numbers or None"
@@ -112,12 +108,7 @@ def _of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) -> Array
 
 
 def _of_states(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, int | None]:
-    """Return the table of weights, and for how many states it is.
-
-    Raises:
-        InvalidInputError: on an empty list, entries that are negative or not finite, or arrays for
-            different numbers of states.
-    """
+    """Return the table of weights, and for how many states it is."""
     given = _numbers("delta_gamma", delta_gamma, 1), _numbers("gamma0", gamma0, None)
     states = {len(value) for value, is_of_states in given if is_of_states}
     if len(states) > 1:

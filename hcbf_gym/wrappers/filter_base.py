@@ -72,6 +72,7 @@ class FilterBase:
         self._observation: object = None
         self._info: Info = {}
         self._begun = False
+        self._reads = "barriers", "state", *(("goal", "extent") if self._core.guides else ())
         self._is_first = True  # no episode has begun yet
         self._raised: set[str] = set()  # the readers that were warned of
         own = callable(plant.covered) and plant.covered not in READERS
@@ -116,7 +117,8 @@ class FilterBase:
     def _begin(self, mask: Mask, joins: bool = False) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states."""
         core = self._core
-        barriers, estimate, world = self._sample()
+        barriers, state, *world = self._read(*self._reads)
+        estimate = state if isinstance(state, Estimate) else Estimate(state)
         if joins and estimate.time is not None:
             core.join(mask)
         else:
@@ -127,8 +129,12 @@ class FilterBase:
         self._is_first = False
         return report
 
-    def _filtered(self, action: Any) -> tuple[Any, Info]:
-        """Return the environment's action in the place of u*, and the report."""
+    def step(self, action: Any) -> tuple[Any, Any, Any, Any, Info]:
+        """Filter u* and step the environment with the result.
+
+        Raises:
+            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+        """
         if not self._begun:
             raise InvalidInputError(
                 "safety filter: got a step before a reset that succeeded, expected reset() first"
@@ -138,48 +144,47 @@ class FilterBase:
         if not (type(u) is np.ndarray and u.dtype in _FLOATS and u.shape == self._shape):
             u = floats("action", u, self._shape)
         u_nominal: Array = u.astype(np.float64)
-        barriers, estimate, world = self._sample()
+        barriers, state, *world = self._read(*self._reads)
+        estimate = state if isinstance(state, Estimate) else Estimate(state)
         if self._covers_anew:
             core.covering.follow(self._covered())
-        u, report = core.step(u_nominal, barriers, estimate, world=world)
-        if plant.to_action is None:
-            return u.astype(self._dtype), report
-        return plant.to_action(u.copy()), report
+        u, report = core.step(u_nominal, barriers, estimate, world=world or None)
+        applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u.copy())
+        observation, reward, terminated, truncated, info = self.env.step(applied)
+        self._see(observation, info)
+        self._report(info, report, terminated, truncated)
+        return observation, reward, terminated, truncated, info
 
-    def _sample(self) -> tuple[Any, Estimate, tuple[Any, Any] | None]:
-        """Return barriers, estimate, and goal and extent where guidance leads, as they are now."""
-        plant = self.plant
-        barriers = self._read("barriers", plant.barriers)
-        state = self._read("state", plant.state)
-        world = None
-        if self._core.guides:
-            goal = self._read("goal", plant.goal)
-            world = goal, self._read("extent", plant.extent, unknown=math.nan)
-        return barriers, state if isinstance(state, Estimate) else Estimate(state), world
+    def _report(self, info: Info, report: Info, terminated: Any, truncated: Any) -> None:
+        """Write the report of a step into the environment's infos."""
+        raise NotImplementedError
 
     def _covered(self) -> Any:
         """Return whether the promise was tested for the episodes that begin."""
-        covered = self._read("covered", self.plant.covered)
+        (covered,) = self._read("covered")
         return Coverage.OUTSIDE if covered is None else covered
 
-    def _read(self, name: str, source: Any, unknown: float | None = None) -> Any:
-        """Return a field of the plant as it is now, `unknown` where its reader raises.
+    def _read(self, *names: str) -> list[Any]:
+        """Return fields of the plant as they are now; None, of an extent NaN, where one raises."""
+        found = []
+        for name in names:
+            source: Any = getattr(self.plant, name)
+            try:
+                if callable(source):
+                    source = source(self._inner, self._observation, self._info)
+            except Exception as error:  # whatever a user's sensor raises, the robot has to stop
+                self._note(name, error)
+                source = math.nan if name == "extent" else None
+            found.append(source)
+        return found
 
-        That is warned of once of each. Before anything was filtered it is raised.
-        """
-        if not callable(source):
-            return source
-        try:
-            return source(self._inner, self._observation, self._info)
-        except Exception as error:  # whatever a user's sensor raises, the robot has to stop
-            if self._is_first:
-                error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
-                raise
-            if name not in self._raised:
-                self._raised.add(name)
-                does = "covered is 0" if name == "covered" else "the filter brakes until that ends"
-                warn_caller(
-                    f"safety filter: the reader of the {name} raised {error!r}; {does}",
-                    SafetyWarning,
-                )
-            return unknown
+    def _note(self, name: str, error: Exception) -> None:
+        """Warn of a reader that raised, once; before anything was filtered its error is raised."""
+        if self._is_first:
+            error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
+            raise error
+        if name not in self._raised:
+            self._raised.add(name)
+            does = "covered is 0" if name == "covered" else "the filter brakes until that ends"
+            text = f"safety filter: the reader of the {name} raised {error!r}; {does}"
+            warn_caller(text, SafetyWarning)

@@ -59,15 +59,7 @@ class InterventionPenalty(gym.Wrapper[ObsType, ActType, ObsType, ActType], Recor
 
 
 class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
-    """`InterventionPenalty` for the native vector environment.
-
-    Args:
-        env: an environment in a `VectorSafetyFilter`.
-        weight: [s²/m], not negative.
-
-    Raises:
-        InvalidInputError: if there is no filter, or the weight is negative or not finite.
-    """
+    """`InterventionPenalty` for the native vector environment in a `VectorSafetyFilter`."""
 
     def __init__(self, env: VectorEnv, weight: float = 0.01):
         record(self, env, VectorEnv, weight=weight)

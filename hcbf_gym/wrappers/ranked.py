@@ -49,15 +49,7 @@ class RankedObservation(gym.ObservationWrapper, RecordConstructorArgs):
 
 
 class VectorRankedObservation(gym.vector.VectorObservationWrapper, RecordConstructorArgs):
-    """`RankedObservation` for the native vector environment.
-
-    Args:
-        env: ``gym.make_vec("HCBF-Regions-v0", …)``, possibly in vector wrappers.
-        slots: K.
-
-    Raises:
-        InvalidInputError: as `RankedObservation` does.
-    """
+    """`RankedObservation` for the native vector environment, possibly in vector wrappers."""
 
     def __init__(self, env: gym.vector.VectorEnv, slots: int = SLOTS):
         record(self, env, gym.vector.VectorEnv, slots=slots)

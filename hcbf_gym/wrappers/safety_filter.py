@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, SupportsFloat
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -25,7 +25,7 @@ class SafetyFilter(
     """Filters every action through one of the programs, so that any policy respects the ranking.
 
     The policy's action u* goes to the program. The environment receives the program's input u.
-    ``info["safety_filter"]`` holds the fields of `hcbf_gym.filter.report`: u* and u, each row's
+    ``info["safety_filter"]`` holds the fields of `hcbf_gym.filter.bound`: u* and u, each row's
     slack, relaxation and margin, `status` (a `hcbf_gym.programs.FilterStatus`), `reason` (a
     `hcbf_gym.models.Reason`), `covered` (a `hcbf_gym.models.Coverage`), `covered_by` (why, a
     `hcbf_gym.models.CoveredBy`), `intervention` ‖u − u*‖, and `deadlock`: 1 where a planar double
@@ -128,14 +128,5 @@ class SafetyFilter(
         self._begun = True
         return observation, info
 
-    def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, Info]:
-        """Filter u* and step the environment with the result.
-
-        Raises:
-            InvalidInputError: if no episode has begun, or u* is not made of n_u finite numbers.
-        """
-        applied, report = self._filtered(action)
-        observation, reward, terminated, truncated, info = self.env.step(applied)
-        self._see(observation, info)
+    def _report(self, info: Info, report: Info, terminated: bool, truncated: bool) -> None:
         info["safety_filter"] = report
-        return observation, reward, terminated, truncated, info

@@ -32,22 +32,14 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
 
     Args:
         env: possibly wrapped; wrappers that change actions belong outside the filter.
-        program: as `SafetyFilter` takes it, like all other arguments but these.
         plant: None takes ``env.unwrapped.plant``. `to_action` and `from_action` get the inputs and
             the actions of all N.
-        rows: "held" or "usual".
-        guidance: "geodesic", "local", a dict or None.
-        margin: [m].
-        on_alarm: "warn" or "brake".
-        allow_late_inputs: whether a warning replaces the refusal.
-        certificate: of the plant.
         threads: how many cores filter at once; the answer is the same.
-        **options: α₁, α₂ and the program's.
+
+    All other arguments are those of `SafetyFilter`.
 
     Raises:
-        UnknownNameError: if a name is not known; the message lists the choices.
-        InvalidInputError: if an option is unknown or out of range, a wrapper inside changes the
-            actions, or the environment brings no plant, or no autoreset mode.
+        UnknownNameError, InvalidInputError: as `SafetyFilter` does, or without an autoreset mode.
     """
 
     def __init__(
@@ -111,15 +103,12 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
             if begins is not None and not begins.all():
                 self._info = joined(self._info, before, begins)
 
-    def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
-        """Filter u* (N, n_u) and step the environments with the result.
+    def step(  # pyright: ignore[reportIncompatibleMethodOverride] - as Gymnasium names it
+        self, actions: Array
+    ) -> tuple[Any, Array, Mask, Mask, Info]:
+        """Filter u* (N, n_u) and step the environments with the result."""
+        return super().step(actions)
 
-        Raises:
-            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
-        """
-        applied, report = self._filtered(actions)
-        observation, reward, terminated, truncated, info = self.env.step(applied)
-        self._see(observation, info)
+    def _report(self, info: Info, report: Info, terminated: object, truncated: object) -> None:
         ended = as_array("terminated", terminated) | as_array("truncated", truncated)
         self._reporter.at_step(info, report, self._begin, ended)
-        return observation, reward, terminated, truncated, info

@@ -12,7 +12,7 @@ import hcbf_gym
 from hcbf_gym import models, wrappers
 from hcbf_gym.barriers import Barrier, Disc, Function, GeneralRows, HalfPlane, Jet, LinearClassK
 from hcbf_gym.barriers.convexity import is_convex, warn_of_concave
-from hcbf_gym.barriers.late_inputs import LateInputs, links_of
+from hcbf_gym.barriers.late_inputs import LateInputs
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.models import ControlAffine, DoubleIntegrator, KinematicBicycle, Unicycle
 
@@ -127,7 +127,7 @@ def test_functions_are_looked_at_by_their_derivatives():
 
 
 def test_links_are_those_of_the_equations():
-    links = links_of(KinematicBicycle())
+    links = LateInputs(KinematicBicycle())
     np.testing.assert_array_equal(np.flatnonzero(links.states[0]), [2, 3])
     np.testing.assert_array_equal(links.inputs, [[0, 1], [0, 1], [0, 1], [1, 0]])
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hcbf_gym import _core
 from hcbf_gym.arrays import numbers_of
 from hcbf_gym.barriers.unknown import largest
-from hcbf_gym.filter import plants, report
+from hcbf_gym.filter import bound, plants
 from hcbf_gym.filter.model_rows import driven_alone
 from hcbf_gym.filter.samples import State
 from hcbf_gym.models import (
@@ -95,7 +95,7 @@ def alarm(name, integrate=None, sense=None, spread=None, seed=0, count=500, driv
     model, u_set = PLANTS[name]
     plant = np.zeros(1, dtype=plants.plant_dtype(model.n_u))
     plant["elapsed"] = T
-    reported = np.zeros(1, dtype=report.plant_dtype(model.n_u))
+    reported = np.zeros(1, dtype=bound.plant_dtype(model.n_u))
     n = model.n
     states = State(*(np.zeros((1, *shape)) for shape in ((n,), (n,), (n,), (n, n), (n,))))
     states.covariance[:] = 0.0 if spread is None else spread

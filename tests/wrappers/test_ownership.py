@@ -195,7 +195,7 @@ def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
     rows.prepare(mine)
     monkeypatch.setattr(Prepared, "is_of", interrupted)
     for _ in range(3):
-        assert rows.prepare(mine).scenes[0][0] is mine[0][0]
+        assert rows.prepare(mine).scenes.listed[0][0] is mine[0][0]
 
 
 class Named(NamedTuple):

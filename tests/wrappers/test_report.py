@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym  # noqa: F401 - registers the environments
-from hcbf_gym.filter import report
+from hcbf_gym.filter import bound
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 U = np.array([1.0, 0.5])
@@ -22,13 +22,13 @@ def test_one_plant_reports_every_field_as_an_array_or_a_scalar_of_numpy(solver):
     _, at_reset = env.reset(seed=0)
     *_, at_step = env.step(U)
     for reported in (at_reset["safety_filter"], at_step["safety_filter"]):
-        assert {*(report.PLANT.names or ()), *(report.ROW.names or ())} <= set(reported)
-        for name in report.PLANT.names or ():
-            kind = report.PLANT[name]
+        assert {*(bound.plant_dtype(2).names or ()), *(bound.ROW.names or ())} <= set(reported)
+        for name in bound.plant_dtype(2).names or ():
+            kind = bound.plant_dtype(2)[name]
             assert np.shape(reported[name]) == kind.shape
             assert np.asarray(reported[name]).dtype == kind.base
             assert isinstance(reported[name], np.ndarray | np.generic)
-        for name in report.ROW.names or ():
+        for name in bound.ROW.names or ():
             assert reported[name].shape == reported["slack"].shape
 
 

@@ -96,11 +96,7 @@ class ConvexPolygon(Shape):
 
 
 def _check(name: str, corners: Array) -> None:
-    """Refuse corners (k, v, 2) that are not those of k strictly convex polygons.
-
-    Raises:
-        InvalidInputError: if they are not.
-    """
+    """Refuse corners (k, v, 2) that are not those of k strictly convex polygons."""
     if not 3 <= corners.shape[1] <= MAX_VERTICES:
         raise InvalidInputError(
             f"{name}: got {corners.shape[1]} corners, expected 3 to {MAX_VERTICES}"

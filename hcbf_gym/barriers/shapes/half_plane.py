@@ -92,9 +92,6 @@ def _unit(name: str, walls: Array) -> Array:
 
     A normal of a few digits is not quite a unit vector, and far from the origin, as in survey
     coordinates, the wall of the offset as it is given is metres away.
-
-    Raises:
-        InvalidInputError: if a normal is none.
     """
     with np.errstate(over="ignore"):  # of an infinite length: refused like any other
         lengths = np.linalg.norm(walls[..., :2], axis=-1, keepdims=True)
