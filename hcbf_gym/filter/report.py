@@ -1,4 +1,4 @@
-"""The layout of ``info["safety_filter"]``; its fields are those of `report.hpp`.
+"""The layout of ``info["safety_filter"]``; its fields are those of `report` in `plants.hpp`.
 
 The keys are the same for every filter. A field that a filter does not write is 0.
 """
