@@ -42,7 +42,7 @@ void bind_task(nb::module_& m) {
   m.def("task_costs", &task::costs_of, "least"_a, "kind"_a, "priority"_a, "cost"_a, "costs"_a,
   "Write the costs (N,), and by rank (N, R), of the least h (N, m) in a step.");
   m.def("are_finite", [](const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& numbers) {
-    return task::are_finite(numbers.data(), static_cast<Index>(numbers.size()));
+    return are_finite({numbers.data(), static_cast<Index>(numbers.size())});
   }, "numbers"_a, "Return whether an array holds nothing but finite numbers.");
   m.attr("CONTROL_DT") = task::CONTROL_DT;
   m.attr("PHYSICS_DT") = task::PHYSICS_DT;

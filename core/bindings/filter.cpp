@@ -26,7 +26,8 @@ constexpr Index LEAST_PLANTS = 64;  // fewer are filtered sooner than a thread s
 class Filter {
  public:
   Filter(Numbers<double, 1> constants, Numbers<const double, 1> program, Words sensed, Index threads)
-      : constants_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)) {
+      : arrays_(std::move(constants)), program_(std::move(program)), sensed_(std::move(sensed)),
+        constants_(*reinterpret_cast<plants::Constants*>(arrays_.data())) {
     plants_.sensed = records<plants::Plant>(sensed_);
     plants_.n_u = (plants_.sensed.stride - static_cast<Index>(sizeof(plants::Plant))) / (2 * sizeof(double));
     rooms_.resize(std::max<Index>(1, std::min(threads, plants_.sensed.size / LEAST_PLANTS)));
@@ -69,14 +70,14 @@ class Filter {
   // Checks the states of any model, raises alarms, and writes braking inputs; returns whether u* is finite.
   bool sense(ModelStep& step, bool parts) {
     for (Index i = 0; i < plants_.reports.size; ++i)
-      if (!program_records::are_finite({plants_.reports.tail(i), plants_.n_u})) return false;
+      if (!are_finite({plants_.reports.tail(i), plants_.n_u})) return false;
     step.sense(plants_.sensed, states_, plants_.reports, parts);
     return true;
   }
   void make_rows(ModelStep& step) { step.make_rows(states_); }
 
   Index filter() {
-    const step::Answer wrong = step::check(constants(), plants_);
+    const step::Answer wrong = step::check(constants_, plants_);
     if (wrong != step::DONE) return wrong;
     const Index count = plants_.sensed.size, parts = static_cast<Index>(rooms_.size());
     if (count < LEAST_PLANTS) return filter_some(0, count, rooms_[0]);  // sooner than the lock is released
@@ -100,36 +101,37 @@ class Filter {
   }
 
   // Returns what is wrong with the arrays, as `filter`.
-  Index check() const { return step::check(constants(), plants_); }
+  Index check() const { return step::check(constants_, plants_); }
 
   // Poses the problem of plant i to a solver outside; false where the plant is brought to rest without it.
   bool pose(Index i) {
-    const One p = plants_[i];
-    if (!step::is_posed(constants(), program(i), p, rooms_[0])) return false;
-    if (atlas_.size > 0) step::find_pieces(constants(), p, atlas_, rooms_[0]);
-    posed_ = posing::pose(constants(), program(i), part(i), rooms_[0].work);
+    const One p = step::plant_of(plants_, i);
+    const program_records::Settings program = step::program_of(constants_, view(program_), i);
+    if (!step::is_posed(constants_, program, p)) return false;
+    if (atlas_.size > 0) map_rows::find(constants_, p, atlas_, rooms_[0].map);
+    posed_ = step::pose(constants_, program, part(i), rooms_[0].work);
     return true;
   }
 
   // u*, a, b, h, alpha2(psi) and ranks of the rows that were posed, where guidance's comes last.
   nb::tuple problem() {
-    const work::Work& w = rooms_[0].work;
+    const plants::Work& w = rooms_[0].work;
     return nb::make_tuple(array(w.u), array(w.a), array(w.rows[rows::B]), array(w.rows[rows::H]),
                           array(w.rows[rows::ALPHA2_PSI]), array(w.priority));
   }
 
   // u, slack and delta of the posed problem, to be written.
   nb::tuple answer() {
-    const work::Work& w = rooms_[0].work;
-    return nb::make_tuple(array(w.answer.u[0]), array(w.answer.slack[0]), array(w.answer.delta[0]));
+    const plants::Work& w = rooms_[0].work;
+    return nb::make_tuple(array(w.answer.u), array(w.answer.slack), array(w.answer.delta));
   }
 
   // Of each condition that was posed its rank, and which one of the scene it is of.
   nb::tuple conditions(Index i) {
     const One p = part(i);
-    std::vector<Index> ranks(p.priority.begin(), p.priority.end()), source(rooms_[0].nearby.source);
+    std::vector<Index> ranks(p.priority.begin(), p.priority.end()), source(rooms_[0].map.nearby.source);
     if (atlas_.size == 0)
-      for (Index k = 0; k < p.count(); ++k) source.push_back(k);
+      for (Index k = 0; k < p.kind.size; ++k) source.push_back(k);
     const std::size_t m = ranks.size();
     return nb::make_tuple(owned<Index>(std::move(ranks), {m}), owned<Index>(std::move(source), {m}));
   }
@@ -143,29 +145,27 @@ class Filter {
   // Concludes what `pose` began: with the answer that was written, or without one.
   Index close(Index i, bool answered, Index status, Index fallbacks) {
     step::Room& room = rooms_[0];
-    room.work.answer.status[0] = status, room.work.answer.fallbacks[0] = fallbacks;
-    const One p = plants_[i];
-    const One nearby = part(i);
-    step::close(constants(), posed_, answered, nearby, room.work);
-    if (atlas_.size > 0) map_rows::tell(room.nearby.scene().source, nearby.rows, p.rows.part(0, p.count()));
+    room.work.answer.status = status, room.work.answer.fallbacks = fallbacks;
+    const One p = step::plant_of(plants_, i);
+    step::close(constants_, posed_, answered, part(i), room.work);
+    if (atlas_.size > 0) map_rows::merge(room.map, p);
     return p.report.reason != 0 ? step::ASKS : step::DONE;
   }
 
  private:
   using One = plants::One;
 
-  const plants::Constants& constants() const {
-    return *reinterpret_cast<plants::Constants*>(constants_.data());
+  // Plant i as it was posed.
+  One part(Index i) {
+    const One p = step::plant_of(plants_, i);
+    return atlas_.size > 0 ? map_rows::with_pieces(p, rooms_[0].map) : p;
   }
-  program_records::Settings program(Index i) const {
-    return plants::program_of(constants(), view(program_), i);
-  }
-  One part(Index i) { return atlas_.size > 0 ? step::with_pieces(plants_[i], rooms_[0]) : plants_[i]; }
 
   Index filter_some(Index first, Index end, step::Room& room) const {
     bool asks = false;
     for (Index i = first; i < end; ++i)
-      asks |= step::filter(constants(), program(i), plants_[i], atlas_, room);
+      asks |= step::filter(constants_, step::program_of(constants_, view(program_), i),
+                           step::plant_of(plants_, i), atlas_, room);
     return asks ? step::ASKS : step::DONE;
   }
 
@@ -182,7 +182,7 @@ class Filter {
                     nb::rv_policy::reference);
   }
 
-  Numbers<double, 1> constants_;
+  Numbers<double, 1> arrays_;
   Numbers<const double, 1> program_;
   Words sensed_;
   std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>,
@@ -193,6 +193,7 @@ class Filter {
   std::tuple<Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 2>, Numbers<double, 3>,
              Numbers<double, 2>>
       own_states_;
+  const plants::Constants& constants_;
   plants::Plants plants_{};
   state_check::States states_{};
   Vector<const double> atlas_{nullptr, 0};

@@ -3,7 +3,6 @@
 #include <hcbf/locomotion_tick.hpp>
 #include <hcbf/impedance.hpp>
 #include <hcbf/ros_robot.hpp>
-#include <hcbf/walker_physics.hpp>
 
 #include "locomotion_structs.hpp"
 
@@ -136,7 +135,9 @@ void bind_locomotion(nb::module_& m) {
       .def("read", &A1State::read, "state"_a.noconvert(),
            "Fill in the vector (41,) of a state and return whether it is finite.");
 
-  m.def("is_finite", &walker_physics::finite, "positions"_a, "velocities"_a,
+  m.def("is_finite", [](Vector<const double> positions, Vector<const double> velocities) {
+    return are_finite(positions) && are_finite(velocities);
+  }, "positions"_a, "velocities"_a,
         "Return whether a state holds nothing but finite numbers.");
   m.def(
       "cast_rays",

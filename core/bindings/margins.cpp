@@ -15,13 +15,11 @@ using Stack = Cube<const double>;
 void reserved(const Uncertainty& settings, const Matrix<const Index>& kind, const Stack& parameters,
               const Table& x, const Line& t, const Table& model, const Table& lag, const Stack& covariance,
               const Line& growth, double period, const Cube<double>& out) {
-  const auto at = [](const Table& states, Index i) { return states[i].data; };
-  for (Index i = 0; i < x.rows; ++i) {
-    const margins::Known known{at(x, i),   t.data[i],         at(model, i),
-                               at(lag, i), covariance[i], growth.data[i]};
-    margins::derive(settings, kind[i], parameters[i], known, period,
-                    margins::reserved(out, i));
-  }
+  const Index m = out.columns, all = out.rows * m;
+  for (Index i = 0; i < x.rows; ++i)
+    margins::derive(settings, kind[i], parameters[i],
+                    {x[i].data, t[i], model[i].data, lag[i].data, covariance[i], growth[i]}, period,
+                    {out.data + i * m, 4, all});
 }
 
 auto nearby(const Uncertainty& settings, const RowSettings& rows, double radius, const Vector<const Index>& kind,

@@ -34,7 +34,7 @@ class PlanarProgram {
     const Index n = u_nominal.size() / 2, total = b.size(), m = n > 0 ? total / n : 0;
     const program_records::CbfRows rows{{a.data(), n, m, 2}, {b.data(), n, m}, {h.data(), n, m},
                                  {priority.data(), n, m}, {alpha2_psi.data(), n, m}};
-    if (!program_records::are_finite({u_nominal.data(), 2 * n}) || !program_records::are_finite({alpha2_psi.data(), total}))
+    if (!are_finite({u_nominal.data(), 2 * n}) || !are_finite({alpha2_psi.data(), total}))
       return false;
     for (Index i = 0; i < n; ++i)
       if (!program_records::well_formed(rows[i])) return false;

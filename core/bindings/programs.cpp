@@ -136,11 +136,11 @@ void bind_rows(nb::module_& m) {
   m.def("has_no_gap", [](const Integers& priority) { return program_records::has_no_gap(view(priority)); },
         "priority"_a, "Return whether priorities are 1, 2, … without a gap.");
   m.def("row_weight", [](const Numbers1& table, Index priority, double h) {
-    return program_records::weight_of(view(table), priority, h);
+    return cascade::weight_of(view(table), priority, h);
   }, "table"_a, "priority"_a, "h"_a, "Return λ_δ(h) of one row; infinity for one of a strict level.");
   m.def("violation", [](const Numbers2& a, const Numbers1& b, const Numbers1& u, double radius) {
     std::vector<double> slack(b.size());
-    program_records::violation(view(a), view(b), view(u), radius, {slack.data(), view(b).size});
+    cascade::violation(view(a), view(b), view(u), radius, {slack.data(), view(b).size});
     return array_of<1>(std::move(slack), {b.size()});
   }, "a"_a, "b"_a, "u"_a, "radius"_a,
   "Return each row's violation at u, with what rounding leaves set to 0.");

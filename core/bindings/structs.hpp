@@ -2,8 +2,6 @@
 #pragma once
 #include <hcbf/axle.hpp>
 #include <hcbf/class_k.hpp>
-#include <hcbf/row_settings.hpp>
-#include <hcbf/uncertainty.hpp>
 
 #include "bindings.hpp"
 

@@ -84,7 +84,8 @@ inline void filter_one(const Problem& p, Index i) {
   using namespace program_records;
   const Settings plan{Lower::RELAXED, true, Lock::BOUND, true, false, p.settings.u_max, 1.0, false,
                       {p.corners[0], 1, 4, 2}, {STRICT, 1, 2}};
-  Workspace w = make_workspace(p.settings.u_max, 4, p.m);
+  Workspace w;
+  w.grow(p.settings.u_max, 4, p.m);
   p.status[i] = cascade::filter_state<double>(
       plan, polygon::points(plan.vertices[0]), plan.weights[0], {p.u_nominal[2 * i], p.u_nominal[2 * i + 1]},
       {{a[0], p.m, 2}, {b, p.m}, {h, p.m}, {p.priority + i * p.m, p.m}, {alpha2_psi, p.m}},

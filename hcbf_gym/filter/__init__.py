@@ -2,7 +2,7 @@
 
 In the order of a step, which `core` has: `samples` and `scenes` take what is given, and `bound`
 makes one call of the compiled core (`core/include/hcbf/`): `state_check` decides which state is
-valid, `posing` makes rows, `monitor` compares what a plant does with what was chosen, a program
-answers, `conclusion` and `status` judge the answer. Of models other than the planar double
-integrator `model_rows` makes rows, alarms and braking inputs first.
+valid, `step` makes rows, `monitor` compares what a plant does with what was chosen, a program
+answers, `conclusion` judges the answer. Of models other than the planar double integrator
+`model_rows` makes rows, alarms and braking inputs first.
 """

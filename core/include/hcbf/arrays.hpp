@@ -1,5 +1,6 @@
 // Views of arrays that lie in rows, as NumPy hands them over; none owns its memory.
 #pragma once
+#include <cmath>
 #include <cstdint>
 
 namespace hcbf {
@@ -36,6 +37,16 @@ struct Cube {  // (l, n, m)
   Matrix<T> operator[](Index i) const { return {data + i * rows * columns, rows, columns}; }
   Cube part(Index first, Index end) const { return {data + first * rows * columns, end - first, rows, columns}; }
 };
+
+inline bool are_finite(Vector<const double> numbers) {
+  for (const double x : numbers)
+    if (!std::isfinite(x)) return false;
+  return true;
+}
+
+inline void copy(Vector<const double> from, Vector<double> to) {
+  for (Index k = 0; k < to.size; ++k) to[k] = from[k];
+}
 
 // (n,) records of a NumPy structured array; what differs in length from model to model stands behind
 // the fields of T, so that records lie `stride` bytes apart.

@@ -11,7 +11,7 @@
 #include <cmath>
 
 #include <hcbf/axle.hpp>
-#include <hcbf/row_settings.hpp>
+#include <hcbf/class_k.hpp>
 
 namespace hcbf::axle_rows {
 

@@ -15,12 +15,11 @@
 #include <hcbf/plants.hpp>
 #include <hcbf/polygon.hpp>
 #include <hcbf/rows.hpp>
-#include <hcbf/work.hpp>
 #include <hcbf/zone.hpp>
 
 namespace hcbf::axle_step {
 
-using plants::Constants, plants::One, plants::Plant, polygon::Point, program_records::Settings, work::Work;
+using plants::Constants, plants::One, plants::Plant, polygon::Point, plants::Work, program_records::Settings;
 
 constexpr double FACING = -0.2;    // the cosine between heading and path below which guidance turns first
 constexpr double TURNING = 2.0;    // gain with which it turns to its path where u* leads back from it [1/s]
@@ -93,13 +92,13 @@ inline void make_rows_of_point(const Constants& c, const One& p, Work& w) {
   const auto binds = [&p](Index k) {
     return moves(p.kind[k], p.parameters[k]) && p.kind[k] != layout::CUSTOM;
   };
-  const Index m = p.count();
+  const Index m = p.kind.size;
   bool some = false;
   for (Index k = 0; k < m; ++k) some |= binds(k);
   if (!some) return;
   const Plant& plant = p.plant;
   margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, plant.x, plant.model, plant.lag),
-                  c.period, work::reserved(w.other_margin));
+                  c.period, w.other_margin);
   for (Index k = 0; k < m; ++k) w.other_margin(margins::MARGIN, k) += p.own_margin[k] + c.axle.look_ahead;
   rows::of_state(p.kind, p.parameters, w.other_margin, plant.x, plant.time, c.rows, w.other_a, w.other_rows);
   for (Index k = 0; k < m; ++k) {
@@ -115,8 +114,8 @@ inline void make_rows(const Constants& c, const One& p, Work& w) {
   const Plant& plant = p.plant;
   const Placed at = place(c, plant);
   margins::derive(c.uncertainty, p.kind, p.parameters, known_of(plant, at.x, at.model, at.lag), c.period,
-                  work::reserved(w.margin));
-  for (Index k = 0; k < p.count(); ++k) {
+                  w.margin);
+  for (Index k = 0; k < p.kind.size; ++k) {
     w.margin(margins::QUICKENING, k) += c.jerk;
     w.margin(margins::MARGIN, k) += p.own_margin[k];
   }
@@ -124,7 +123,7 @@ inline void make_rows(const Constants& c, const One& p, Work& w) {
   axle_rows::limit_axle(c.axle, plant.x, plant.heading, settings);
   rows::of_state(p.kind, p.parameters, w.margin, at.x, plant.time, settings, w.a, w.rows);
   settings.u_max = c.axle.braking;  // of the speed: what turns it changes no speed
-  for (Index k = 0; k < p.count(); ++k) {
+  for (Index k = 0; k < p.kind.size; ++k) {
     const Vector<const double> block = p.parameters[k];
     double &n_x = w.a(k, 0), &n_y = w.a(k, 1), &b = w.rows(rows::B, k);
     if (p.kind[k] == layout::SPEED_LIMIT) {
@@ -159,12 +158,18 @@ inline void turn_memory(Plant& plant, double* input) {
   plant.headed = plant.heading;
 }
 
+// Writes the corners (4, 2) of the U that a plant has at its heading, and returns them as a program reads them.
+inline Cube<const double> corners(const Constants& c, const One& p, double* out) {
+  axle::corners(c.axle, p.plant.x, p.plant.heading, c.period, out);
+  return {out, 1, 4, 2};
+}
+
 // Lets what is at rest come before what moves in rank 1: where both cannot be, the robot stays out. A
 // robot that a region runs into has not entered it.
 inline void split_ranks(const One& p, Work& w) {
   for (Index k = 0; k < w.priority.size; ++k) {
     bool later = w.priority[k] > 1;
-    if (k < p.count() && p.priority[k] == 1) later = moves(p.kind[k], p.parameters[k]);
+    if (k < p.kind.size && p.priority[k] == 1) later = moves(p.kind[k], p.parameters[k]);
     w.priority[k] += later;
   }
 }
@@ -177,9 +182,9 @@ inline bool is_edge(Index kind) { return !rows::is_on_speed(kind) && kind != lay
 // it turns as it would: a row has the turn times v, so that the turn was given away, to and fro, for a
 // hair of speed. `settings`: of the program, with the plant's U; the answer is written to.
 inline void slide(const Constants& c, Settings settings, const One& p, Work& w) {
-  const Index m = p.count(), total = w.priority.size;
+  const Index m = p.kind.size, total = w.priority.size;
   const double heading = p.plant.heading;
-  const Vector<double> u = w.answer.u[0];
+  const Vector<double> u = w.answer.u;
   const Point first = polygon::nearest(polygon::points(settings.vertices[0]), {w.u[0], w.u[1]});
   if (std::abs(u[0] - first.x) + std::abs(u[1] - first.y) <= MOVED) return;
   const double far = 4.0 * settings.radius + 2.0 * std::max(std::abs(w.u[0]), std::abs(w.u[1]));
@@ -195,7 +200,10 @@ inline void slide(const Constants& c, Settings settings, const One& p, Work& w) 
   take_rows(m);
   const auto answer = [&](const double* vertices) {
     settings.vertices = {vertices, 1, 4, 2};
-    cascade::filter_range(settings, {asked, 1, 2}, w.problem(a, b), w.answer, w.polygons, 0, 1);
+    w.answer.status = cascade::filter_state<double>(
+        settings, polygon::points(settings.vertices[0]), settings.weights[0], {asked[0], asked[1]},
+        {a, b, w.rows[rows::H], w.priority, w.rows[rows::ALPHA2_PSI]}, u, w.answer.slack, w.answer.delta,
+        w.polygons);
   };
   std::copy(settings.vertices.data, settings.vertices.data + 8, corners);
   answer(square);

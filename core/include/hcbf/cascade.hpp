@@ -5,12 +5,42 @@
 #include <utility>
 
 #include <hcbf/program_records.hpp>
-#include <hcbf/stages.hpp>
+#include <hcbf/soft_minimum.hpp>
 
 namespace hcbf::cascade {
 
 using namespace program_records;
 using polygon::Corners;
+
+// Returns gamma0 of a priority; infinity for a strict level. `table` (1 + L,): delta_gamma, then
+// gamma0 of each priority from 2 on, the last one repeated.
+inline double gamma0_of(Vector<const double> table, Index priority) {
+  if (priority <= 1) return std::numeric_limits<double>::infinity();
+  return table[std::min(priority - 1, table.size - 1)];
+}
+
+// Returns lambda(h) of one row; infinity for one of a strict level.
+template <class Number>
+Number weight_of(Vector<const double> table, Index priority, const Number& h) {
+  return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h));
+}
+
+// Returns by how much a row is violated, 0 where that is rounding. `lack`: b - a u; `norm`: |a|;
+// `radius`: the largest norm of an input.
+template <class Number>
+Number slack_of(const Number& lack, const Number& norm, const Number& b, double radius) {
+  return lack > tolerances::SLACK * (norm * radius + abs(b)) ? lack : 0.0;
+}
+
+// Writes the slack (m,) of one state's rows at u.
+inline void violation(Matrix<const double> a, Vector<const double> b, Vector<const double> u, double radius,
+                      Vector<double> slack) {
+  for (Index k = 0; k < b.size; ++k) {
+    double square = 0.0, lack = b[k];
+    for (Index j = 0; j < u.size; ++j) square += a(k, j) * a(k, j), lack -= a(k, j) * u[j];
+    slack[k] = slack_of(lack, std::sqrt(square), b[k], radius);
+  }
+}
 
 // Returns whether u* is in U and meets every row.
 template <class Number>
@@ -105,7 +135,7 @@ Index account(const Settings& settings, Index status, Vector<const Index> priori
   return status;
 }
 
-// The polygon that the stages so far leave.
+// The inputs that the stages so far leave, `w.feasible`; each stage chooses from them, or narrows them.
 template <class Number>
 struct PlanarInputsOf {
   Vector<const PointOf<Number>> vertices;
@@ -113,15 +143,91 @@ struct PlanarInputsOf {
   double lambda_u;
   WorkspaceOf<Number>& w;
 
-  bool is_point() const { return w.feasible.is_point(); }
+  bool is_point() const { return w.feasible.corners.size() == 1; }
   PointOf<Number> nearest() const { return polygon::nearest<Number>(w.feasible, u_nominal); }
-  void set_targets(RowsOf<Number> rows) const { stages::set_targets<Number>(vertices, rows, u_nominal, w); }
-  void meet(RowsOf<Number> rows) const { stages::meet(rows, w); }
-  CostOf<Number> cost_of(RowsOf<Number> rows) const { return {rows, lambda_u, u_nominal}; }
-  PointOf<Number> relax(RowsOf<Number> rows) const { return stages::relax(cost_of(rows), w); }
-  PointOf<Number> draw(RowsOf<Number> rows) const { return stages::draw(cost_of(rows), w); }
-  void pin(RowsOf<Number> rows, const PointOf<Number>& u) const { stages::pin(rows, u, w); }
-  void bound(RowsOf<Number> rows, const PointOf<Number>& u) const { stages::bound(rows, u, w); }
+
+  // Writes a_k u_k of each row that is not strict, u_k its own program's solution over U.
+  void set_targets(RowsOf<Number> rows) const {
+    const PointOf<Number> nearest = polygon::nearest<Number>(vertices, u_nominal);
+    for (RowOf<Number>& row : rows) {
+      if (row.strict) continue;
+      row.target = row.value(nearest);
+      if (row.target >= row.b || !row.steers()) continue;
+      w.trial.corners.assign(vertices.begin(), vertices.end());
+      polygon::cut(w.trial, row.line(row.b), w.radius);
+      row.target = row.value(polygon::nearest<Number>(w.trial, u_nominal));
+    }
+  }
+
+  // Keeps the inputs that meet the rows or, where none does, violate them least (min sum delta^2).
+  void meet(RowsOf<Number> rows) const {
+    if (rows.size == 1) {  // a cut that cannot be met leaves the face of least violation
+      if (rows[0].steers()) polygon::cut(w.feasible, rows[0].line(rows[0].b), w.radius);
+      return;
+    }
+    w.trial.corners = w.feasible.corners;
+    for (const RowOf<Number>& row : rows) {
+      if (!row.steers()) continue;
+      const LineOf<Number> line = row.line(row.b);
+      if (polygon::span(w.trial, line.n).high < line.d - tolerances::THIN * w.radius) {
+        soft_minimum::keep_least(w.feasible, {rows, 0.0, {0.0, 0.0}}, w);
+        return;
+      }
+      polygon::cut(w.trial, line, w.radius);
+    }
+    w.feasible.corners.swap(w.trial.corners);
+  }
+
+  // Returns argmin lambda_u |u - u*|^2 + sum lambda_k max(m_k, b_k - a_k u)^2; for lambda_u = 0 it is
+  // the minimiser nearest u*.
+  PointOf<Number> relax(RowsOf<Number> rows) const {
+    const CostOf<Number> cost{rows, lambda_u, u_nominal};
+    if (lambda_u > 0.0) return soft_minimum::soft_minimum(w.feasible, cost, w);
+    w.trial.corners = w.feasible.corners;
+    soft_minimum::keep_least(w.trial, cost, w);
+    return polygon::nearest<Number>(w.trial, u_nominal);
+  }
+
+  // Returns argmin lambda_u |u - u*|^2 + sum lambda_k (t_k - a_k u)^2 with the rows' targets t_k.
+  //
+  // For lambda_u = 0 steep rows come first where flat ones would drown in their rounding, as in
+  // `soft_minimum::keep_least`.
+  PointOf<Number> draw(RowsOf<Number> rows) const {
+    const auto minimum = [&](const PolygonOf<Number>& polygon) {
+      auto problem = polygon::LeastSquaresOf<Number>::distance(lambda_u, u_nominal);
+      for (const RowOf<Number>& row : rows) {
+        const Number root = sqrt(row.weight);
+        problem.add(root * row.a.x, root * row.a.y, root * row.target);
+      }
+      return polygon::minimise(polygon, problem, u_nominal, w.radius, w.chord);
+    };
+    PointOf<Number> u = minimum(w.feasible);
+    if (lambda_u > 0.0) return u;
+    w.trial.corners = w.feasible.corners;
+    while (const double floor = soft_minimum::flattest_that_counts(rows)) {
+      for (const RowOf<Number>& row : rows)
+        if (sqrt(row.weight) * row.norm >= floor && !w.trial.is_point())
+          polygon::slice_at(w.trial, row.through(u), w.radius);
+      soft_minimum::drop(rows, floor);
+      u = minimum(w.trial);
+    }
+    return u;
+  }
+
+  // Keeps the inputs at which each row has the value that it has at u.
+  void pin(RowsOf<Number> rows, const PointOf<Number>& u) const {
+    for (const RowOf<Number>& row : rows)
+      if (row.steers() && !w.feasible.is_point()) polygon::slice_at(w.feasible, row.through(u), w.radius);
+  }
+
+  // Keeps the inputs at which no row is violated more than at u.
+  void bound(RowsOf<Number> rows, const PointOf<Number>& u) const {
+    for (const RowOf<Number>& row : rows) {
+      if (!row.steers()) continue;
+      const LineOf<Number> line = row.line(row.b);
+      polygon::cut(w.feasible, {line.n, min(line.d, polygon::dot(line.n, u))}, w.radius);
+    }
+  }
 };
 
 // Filters one nominal input, U and the weights being those of its state, writing u (2,), slack (m,) and
@@ -156,27 +262,22 @@ Index filter_state(const Settings& settings, Vector<const PointOf<Number>> verti
   return account(settings, unpaid, rows.priority, sorted, chosen, slack, delta);
 }
 
-// Filters those of N states from `first` on and before `end`.
+// Filters the nominal inputs u_nominal (N, 2) of N states.
 //
-// u_nominal: (N, 2) u*. rows: of N states, finite, priorities from 1 to LOWEST_RANK or m, or 0 of no
-// row; alpha2_psi is an array even where the program does not read it. answer: written to. w: made
-// for as many corners and rows.
-inline void filter_range(const Settings& settings, Matrix<const double> u_nominal, const CbfRows& rows,
-                         const FilterResult& answer, Workspace& w, Index first, Index end) {
-  for (Index i = first; i < end; ++i) {
-    const Point desired{u_nominal(i, 0), u_nominal(i, 1)};
-    const Own own = own_of(settings, i);
-    answer.status[i] = filter_state<double>(settings, polygon::points(own.vertices), own.weights, desired,
+// rows: of N states, finite, priorities from 1 to LOWEST_RANK or m, or 0 of no row; alpha2_psi is an array even
+// where the program does not read it. answer: written to.
+inline void filter_batch(const Settings& settings, Matrix<const double> u_nominal, const CbfRows& rows,
+                         const FilterResult& answer) {
+  const Cube<const double>& vertices = settings.vertices;
+  const Matrix<const double>& weights = settings.weights;
+  Workspace w;
+  w.grow(settings.radius, vertices.rows, rows.b.columns);
+  for (Index i = 0; i < u_nominal.rows; ++i) {
+    answer.status[i] = filter_state<double>(settings, polygon::points(vertices[vertices.layers > 1 ? i : 0]),
+                                            weights[weights.rows > 1 ? i : 0], {u_nominal(i, 0), u_nominal(i, 1)},
                                             rows[i], answer.u[i], answer.slack[i], answer.delta[i], w);
     answer.fallbacks[i] = 0;
   }
-}
-
-// Filters the nominal inputs of N states; see `filter_range`.
-inline void filter_batch(const Settings& settings, Matrix<const double> u_nominal, const CbfRows& rows,
-                         const FilterResult& answer) {
-  Workspace w = make_workspace(settings.radius, settings.vertices.rows, rows.b.columns);
-  filter_range(settings, u_nominal, rows, answer, w, 0, u_nominal.rows);
 }
 
 }  // namespace hcbf::cascade

@@ -14,20 +14,16 @@
 #include <cmath>
 
 #include <hcbf/axle_step.hpp>
-#include <hcbf/constants.hpp>
 #include <hcbf/general_rows.hpp>
 #include <hcbf/plants.hpp>
-#include <hcbf/posing.hpp>
-#include <hcbf/reason.hpp>
+#include <hcbf/rows.hpp>
 #include <hcbf/tolerances.hpp>
-#include <hcbf/work.hpp>
 
 namespace hcbf::conclusion {
 
-using plants::Constants, plants::One, work::Work;
+using plants::Constants, plants::One, plants::Work;
+using program_records::FilterStatus;
 using rows::H, rows::PSI;
-using program_records::BACKUP, program_records::FilterStatus;
-using constants::ASKING, constants::STANDING;
 
 // What the strict conditions on the position lack at one sample.
 struct Shortfall {
@@ -42,7 +38,7 @@ struct Shortfall {
 // tracking error and errors of measurement may consume; `dip`: what usual rows reserve against dips
 // between samples, 0 for held rows; `tracking`: what of the constant part a robot may consume that is not
 // its model; `alpha1`: (4,).
-inline Shortfall shortfall(Vector<const bool> strict, Vector<const double> h, Vector<const double> margin,
+inline Shortfall shortfall(Vector<const Index> strict, Vector<const double> h, Vector<const double> margin,
                            Vector<const double> usable, Vector<const double> psi, double dip, double tracking,
                            const class_k::ClassK& alpha1) {
   Shortfall short_{INFINITY, INFINITY, INFINITY, INFINITY};
@@ -101,20 +97,6 @@ inline bool speeds(Index kind, double limit, double h, const double* x, const do
   return away < 1e-9 && margins::is_fast(limit, x, lag);
 }
 
-// Returns 1 where a plant is at rest though u* requests motion, by the squares of both.
-inline double stands(double speed2, double asked2) {
-  return speed2 < STANDING * STANDING && asked2 > ASKING * ASKING ? 1.0 : 0.0;
-}
-
-// Makes the braking input the answer, as it is: the rows say nothing, or no solver answered. After an
-// alarm, and where guidance finds no path, the state is valid: braking may bring the plant to a region,
-// and the program's answer to the braking input keeps it away.
-inline void apply(Work& w) {
-  state_check::copy(w.u, w.answer.u[0]);
-  for (Index k = 0; k < w.priority.size; ++k) w.answer.slack(0, k) = w.answer.delta(0, k) = 0.0;
-  w.answer.fallbacks[0] = 0;
-}
-
 // Returns whether a body is beyond an edge of rank 1, or faster than a limit of rank 1.
 inline bool is_unsafe(const Constants& c, const One& p, const Work& w) {
   const plants::Plant& plant = p.plant;
@@ -122,7 +104,7 @@ inline bool is_unsafe(const Constants& c, const One& p, const Work& w) {
   const double body = c.uncertainty.body;
   axle_step::Placed axle;
   if (c.drives) axle = axle_step::place(c, plant);
-  for (Index k = 0; k < p.count(); ++k) {
+  for (Index k = 0; k < p.kind.size; ++k) {
     if (p.priority[k] != 1) continue;
     double reach = 0.0, nearest = h[k];
     const double *x = plant.x, *lag = plant.lag;
@@ -143,34 +125,6 @@ inline bool is_unsafe(const Constants& c, const One& p, const Work& w) {
   return false;
 }
 
-// Writes u in the type of the environment's actions, and by how much it differs from u*; returns the
-// greatest difference of an entry.
-inline double report_input(const Constants& c, const One& p, Vector<double> u) {
-  double furthest = 0.0, change2 = 0.0, asked2 = 0.0;
-  for (Index j = 0; j < u.size; ++j) {
-    if (c.rounding > 0.0) u[j] = static_cast<float>(u[j]);
-    const double change = u[j] - p.u_nominal[j];
-    furthest = std::max(furthest, std::abs(change));
-    change2 += change * change;
-    asked2 += p.u_nominal[j] * p.u_nominal[j];
-    p.u_safe[j] = p.input[j] = u[j];
-  }
-  p.report.intervention = std::sqrt(change2);
-  p.report.deadlock = stands(p.plant.x[2] * p.plant.x[2] + p.plant.x[3] * p.plant.x[3], asked2);
-  return furthest;
-}
-
-// Writes the report of a plant that `posing::brake` brings to rest.
-inline void conclude_brake(const Constants& c, const One& p, Work& w) {
-  report_input(c, p, w.answer.u[0]);
-  p.report.status = BACKUP, p.report.fallbacks = 0.0, p.report.proved = 0;
-  for (Index k = 0; k < p.count(); ++k) {
-    const bool is_none = p.kind[k] == layout::NONE;
-    const double h = is_none ? INFINITY : NAN;
-    p.rows[k] = {0.0, 0.0, 0.0, h, h, 0.0};
-  }
-}
-
 // Writes the report of one condition.
 inline void report_row(const Constants& c, const One& p, const Work& w, Index k, bool is_valid) {
   report::Row& row = p.rows[k];
@@ -178,7 +132,7 @@ inline void report_row(const Constants& c, const One& p, const Work& w, Index k,
     row = {0.0, 0.0, 0.0, INFINITY, INFINITY, 0.0};
     return;
   }
-  row = {w.answer.slack(0, k), w.answer.delta(0, k), w.margin(margins::MARGIN, k), NAN, NAN, 0.0};
+  row = {w.answer.slack[k], w.answer.delta[k], w.margin(margins::MARGIN, k), NAN, NAN, 0.0};
   if (p.own.rows > 0 && p.kind[k] == layout::CUSTOM) row.margin += p.own(k, general_rows::DIP);
   if (!is_valid) return;
   row.h = w.rows(H, k), row.psi = w.rows(PSI, k);
@@ -188,18 +142,10 @@ inline void report_row(const Constants& c, const One& p, const Work& w, Index k,
     row.conditioning = 1.0;
 }
 
-// Writes the report of one plant.
-inline void conclude(const Constants& c, const One& p, Work& w) {
-  const Index m = p.count();
-  const Vector<double> u = w.answer.u[0];
-  const Index why = p.report.reason;
-  if (posing::stops(why, c.brakes)) {
-    const bool unsure = why < reason::FIRST_ALARM || why == reason::MOTION || why == reason::RESPONSE;
-    if (unsure && why != reason::GOAL) apply(w);
-    w.answer.status[0] = BACKUP;
-  }
-  const double furthest = report_input(c, p, u);
-  const Vector<double> slack = w.answer.slack[0].part(0, m);
+// Writes the report of one plant. `furthest`: the greatest difference of an entry of u from u*.
+inline void conclude(const Constants& c, const One& p, double furthest, const Work& w) {
+  const Index m = p.kind.size, why = p.report.reason;
+  const Vector<double> slack = w.answer.slack.part(0, m);
   p.report.proved = 0;
   bool violated = false;
   const bool is_valid = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
@@ -213,8 +159,8 @@ inline void conclude(const Constants& c, const One& p, Work& w) {
   if (c.drives)
     for (Index k = 0; k < m; ++k) violated |= p.priority[k] == 1 && slack[k] > 0.0;
   const bool moved = furthest > tolerances::NOMINAL * (1.0 + c.radius);
-  p.report.status = status_of(w.answer.status[0], moved, is_unsafe(c, p, w), violated, slack);
-  p.report.fallbacks = w.answer.fallbacks[0];
+  p.report.status = status_of(w.answer.status, moved, is_unsafe(c, p, w), violated, slack);
+  p.report.fallbacks = w.answer.fallbacks;
   for (Index k = 0; k < m; ++k) report_row(c, p, w, k, is_valid);
 }
 

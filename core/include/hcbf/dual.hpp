@@ -8,8 +8,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <hcbf/log1p.hpp>
-
 namespace hcbf {
 
 // What templates on Number call unqualified: these for double, the friends below for duals.
@@ -85,7 +83,6 @@ struct Dual {
     const double size = std::hypot(a.v, b.v);
     return size > 0.0 ? chain(size, a.v / size, a, b.v / size, b) : Dual(size);
   }
-  friend Dual log1p(const Dual& a) { return chain(functions::log1p(a.v), 1.0 / (1.0 + a.v), a); }
   friend Dual cos(const Dual& a) { return chain(std::cos(a.v), -std::sin(a.v), a); }
   friend Dual sin(const Dual& a) { return chain(std::sin(a.v), std::cos(a.v), a); }
   friend Dual atan2(const Dual& y, const Dual& x) {

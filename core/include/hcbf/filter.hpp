@@ -50,8 +50,8 @@ struct Filter {
         {own_margin.data(), 1, m}, {nullptr, 0, 0, 0}, {reinterpret_cast<char*>(&sensed), 1, sizeof sensed},
         {reinterpret_cast<char*>(&reported), 1, sizeof reported}, {rows.data(), 1, m}, 2};
     if (const step::Answer wrong = step::check(constants, one)) return wrong;
-    const auto settings = plants::program_of(constants, {program.data(), Index(program.size())}, 0);
-    const bool asks = step::filter(constants, settings, one[0], {nullptr, 0}, room);
+    const auto settings = step::program_of(constants, {program.data(), Index(program.size())}, 0);
+    const bool asks = step::filter(constants, settings, step::plant_of(one, 0), {nullptr, 0}, room);
     u = reported.u_safe;
     return asks ? step::ASKS : step::DONE;
   }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <hcbf/rows.hpp>
+#include <hcbf/shape_terms.hpp>
 
 namespace hcbf::general_rows {
 

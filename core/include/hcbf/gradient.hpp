@@ -124,9 +124,9 @@ class Layer {
 
   Answer at(const double* variables, double t) {
     write_rows(scene_, variables, t, plain_);
-    Answer answer{{variables[0], variables[1]}, 0, false, program_records::are_finite({variables, U_NOMINAL})};
+    Answer answer{{variables[0], variables[1]}, 0, false, are_finite({variables, U_NOMINAL})};
     for (const std::vector<double>* each : {&plain_.a, &plain_.b, &plain_.h, &plain_.alpha2_psi})
-      answer.well_formed &= program_records::are_finite({each->data(), static_cast<Index>(each->size())});
+      answer.well_formed &= are_finite({each->data(), static_cast<Index>(each->size())});
     if (answer.well_formed) answer.status = plain_.solve(scene_, {variables[0], variables[1]}, answer.u);
     return answer;
   }

@@ -10,11 +10,10 @@
 
 #include <hcbf/arrays.hpp>
 #include <hcbf/class_k.hpp>
-#include <hcbf/convex_polygon.hpp>
+#include <hcbf/shapes.hpp>
 #include <hcbf/layout.hpp>
 #include <hcbf/margins.hpp>
 #include <hcbf/pieces.hpp>
-#include <hcbf/row_settings.hpp>
 #include <hcbf/shape_terms.hpp>
 #include <hcbf/zone.hpp>
 

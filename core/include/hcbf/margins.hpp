@@ -20,11 +20,8 @@
 #include <cmath>
 
 #include <hcbf/arrays.hpp>
-#include <hcbf/convex_polygon.hpp>
-#include <hcbf/half_plane.hpp>
+#include <hcbf/shapes.hpp>
 #include <hcbf/layout.hpp>
-#include <hcbf/shape_terms.hpp>
-#include <hcbf/uncertainty.hpp>
 #include <hcbf/zone.hpp>
 
 namespace hcbf::margins {
@@ -57,20 +54,6 @@ struct Unknown {
   Cube<const double> turns;    // (S, n, n) the covariance of g(x)u, of each input at its largest; S = 0 where
                                // g is the same everywhere
 };
-
-// Where the margins of one plant's rows are written, (m,) each.
-struct Reserved {
-  double* margin;      // m [m], of speed limits [m/s]
-  double* rate;        // ṁ [m/s]
-  double* quickening;  // m̈ [m/s²]
-  double* usable;     // what of m errors may use up: the tracking error's part, less what `cap` cuts off of
-                       // it, and the errors of a measured region [m]
-};
-
-// Those of plant i in (4, n, m).
-inline Reserved reserved(Cube<double> out, Index i) {
-  return {out[MARGIN][i].data, out[RATE][i].data, out[QUICKENING][i].data, out[USABLE][i].data};
-}
 
 // The larger eigenvalue of a symmetric matrix (2, 2), 0 where it is negative.
 inline double greater(double xx, double xy, double yy) {
@@ -177,8 +160,12 @@ inline Growing growing(const Uncertainty& settings, const Unknown& unknown, Vect
 }
 
 struct Row {
-  double margin, rate, quickening, usable;  // as `Reserved` has them
-  double steep;                              // ‖a_p‖
+  double margin;      // m [m], of speed limits [m/s]
+  double rate;        // ṁ [m/s]
+  double quickening;  // m̈ [m/s²]
+  double usable;      // what of m errors may use up: the tracking error's part, less what `cap` cuts off of
+                      // it, and the errors of a measured region [m]
+  double steep;       // ‖a_p‖
 };
 
 // The margins of one row. `gradient`: (n,) ∇h; a is written to it. `straight`: whether ∇h is the same
@@ -213,10 +200,10 @@ inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<do
   return {margin, grown.rate, grown.quickening, cap - std::abs(cap - tracking), steep};
 }
 
-// Writes the margins of one state's rows, and how fast they grow at most. `kind` (m,) and
-// `parameters` (m, WIDTH) as `layout` has them; `period`: T [s], 0 where it is unknown.
+// Writes the margins of one state's rows into out (4, m). `kind` (m,) and `parameters` (m, WIDTH) as `layout`
+// has them; `period`: T [s], 0 where it is unknown.
 inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix<const double> parameters,
-                   const Known& known, double period, const Reserved& out) {
+                   const Known& known, double period, Matrix<double> out) {
   const double *x = known.x, *lag = known.lag;
   const Matrix<const double> covariance = known.covariance;
   double off[4], slope[4] = {0.0, 0.0, 0.0, 0.0};
@@ -234,29 +221,26 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
   const double speeding = speed_growth(settings, covariance, known.growth, period);
   for (Index k = 0; k < kind.size; ++k) {
     const Index which = kind[k];
-    out.rate[k] = out.quickening[k] = out.usable[k] = 0.0;
-    if (which == layout::NONE) {
-      out.margin[k] = 0.0;
-    } else if (which == layout::SPEED_LIMIT || which == layout::ZONES || which == layout::ZONE) {
-      out.margin[k] = of_speed(settings, lag, covariance), out.rate[k] = speeding;
+    Row row{0.0, 0.0, 0.0, 0.0, 0.0};
+    if (which == layout::SPEED_LIMIT || which == layout::ZONES || which == layout::ZONE) {
+      row.margin = of_speed(settings, lag, covariance), row.rate = speeding;
       if (which == layout::ZONE && parameters(k, layout::AWAY) > 0.0)
-        out.rate[k] += zone::BRAKING * drift.rate / parameters(k, layout::V_MAX);
+        row.rate += zone::BRAKING * drift.rate / parameters(k, layout::V_MAX);
     } else if (which == layout::CUSTOM || which == layout::MAPPED) {  // the gradient is unknown here
-      out.margin[k] = most(settings, known);
-      out.rate[k] = drift.rate, out.quickening[k] = drift.quickening;
-      out.usable[k] = settings.cap;
-    } else {
+      row = {most(settings, known), drift.rate, drift.quickening, settings.cap, 0.0};
+    } else if (which != layout::NONE) {
       if (certain) {
-        out.margin[k] = settings.distance + settings.body;
+        row.margin = settings.distance + settings.body;
       } else {
-        const auto jet = shape_terms::jet(which, parameters[k].data, x[0], x[1], known.time);
+        const auto [qx, qy] = shapes::in_frame(parameters[k].data, x[0], x[1], known.time);
+        const auto jet = shapes::jet(which, parameters[k].data, qx, qy);
         slope[0] = jet.gx, slope[1] = jet.gy;
-        const Row row = of_row(settings, unknown, gradient, which == half_plane::CODE, period);
-        out.margin[k] = row.margin, out.rate[k] = row.rate;
-        out.quickening[k] = row.quickening, out.usable[k] = row.usable;
+        row = of_row(settings, unknown, gradient, which == half_plane::CODE, period);
       }
-      if (which == convex_polygon::CODE) out.usable[k] += convex_polygon::used(parameters[k].data);
+      if (which == convex_polygon::CODE) row.usable += convex_polygon::used(parameters[k].data);
     }
+    out(MARGIN, k) = row.margin, out(RATE, k) = row.rate;
+    out(QUICKENING, k) = row.quickening, out(USABLE, k) = row.usable;
   }
 }
 

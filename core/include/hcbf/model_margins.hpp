@@ -6,6 +6,7 @@
 
 #include <hcbf/general_rows.hpp>
 #include <hcbf/margins.hpp>
+#include <hcbf/shape_terms.hpp>
 #include <hcbf/model.hpp>
 
 namespace hcbf::model_margins {

@@ -201,7 +201,7 @@ class Monitor {
   // Takes Π v in the place of v (n,) of plant i; g counts in the steered states alone.
   void reject(Index i, Cube<const double> g, Vector<double> v) {
     const Vector<double> before{&parts_[3 * model_.n], model_.n};
-    state_check::copy(v, before);
+    copy(v, before);
     for (Index j = 0; j < model_.n_u; ++j) {
       double along = 0.0;
       for (Index k = 0; k < v.size; ++k) along += to_input(i)(j, k) * before[k];

@@ -100,8 +100,8 @@ class Step {
     model_.terms(states.x, f(f_), g(g_));
     reserve_.know(states.x, states.model, states.lag, states.covariance);
     for (Index i = 0; i < count_; ++i) {
-      const bool is_known = program_records::are_finite({f_.data() + i * model_.n, model_.n}) &&
-                            program_records::are_finite({g_.data() + i * model_.n * model_.n_u, model_.n * model_.n_u});
+      const bool is_known = are_finite({f_.data() + i * model_.n, model_.n}) &&
+                            are_finite({g_.data() + i * model_.n * model_.n_u, model_.n * model_.n_u});
       if (!is_known)
         std::fill_n(f(f_)[i].data, model_.n, 0.0), std::fill_n(g(g_)[i].data, model_.n * model_.n_u, 0.0);
       if (told[i].reason == 0 && !(is_known && (!parts || reserve_.is_known(i))))
@@ -159,7 +159,7 @@ class Step {
       model_.steps(states.accepted.part(i, i + 1), {sensed.tail(i), 1, model_.n_u}, plant.elapsed,
                    {after.data, 1, model_.n});
       plant.known = state_check::are_near(after);
-      if (plant.known) state_check::copy(after, states.accepted[i]);
+      if (plant.known) copy(after, states.accepted[i]);
     }
   }
 
@@ -169,7 +169,7 @@ class Step {
     for (Index i = 0; i < count_; ++i) {
       const Vector<double> stop{sensed.tail(i) + model_.n_u, model_.n_u};
       std::copy_n(stops_.data() + i * model_.n_u, model_.n_u, stop.data);
-      if (!sensed[i].known || !program_records::are_finite(stop)) std::fill_n(stop.data, stop.size, 0.0);
+      if (!sensed[i].known || !are_finite(stop)) std::fill_n(stop.data, stop.size, 0.0);
       settings_.inputs.project(stop);
     }
   }

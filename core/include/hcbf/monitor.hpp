@@ -19,9 +19,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <hcbf/memory.hpp>
 #include <hcbf/plants.hpp>
-#include <hcbf/reason.hpp>
 
 namespace hcbf::monitor {
 
@@ -51,11 +49,6 @@ inline bool account(Inputs& memory, double error, double chosen, double rate, do
     memory.off += share * ((error > OFF_EXACT * OFF_EXACT * chosen) - memory.off);
   }
   return memory.samples >= LEAST_SAMPLES && memory.missed > MOST;
-}
-
-// Returns whether a plant that meets inputs exactly has missed more than few of the last ones.
-inline bool breaks_off(const Inputs& memory) {
-  return memory.samples >= COUNTED && memory.exact > MOST && memory.off > FEW;
 }
 
 // By how much sums over τ fade in a period.
@@ -124,8 +117,10 @@ inline void watch(plants::Plant& plant, Vector<const double> input, double radiu
       missed += miss * miss;
       chosen += input[k] * input[k];
     }
-    if (account(plant.inputs, missed, chosen, period / WINDOW, radius) || breaks_off(plant.inputs))
-      latch(plant, reason::INPUT);
+    const Inputs& seen = plant.inputs;
+    const bool fails = account(plant.inputs, missed, chosen, period / WINDOW, radius);
+    const bool breaks_off = seen.samples >= COUNTED && seen.exact > MOST && seen.off > FEW;
+    if (fails || breaks_off) latch(plant, reason::INPUT);
     const double trace = plant.covariance[0][0] + plant.covariance[1][1];
     const double spread = confidence * std::sqrt(std::max(0.0, trace));
     if (drifts(plant.motion, body, period, spread, exact)) latch(plant, reason::MOTION);

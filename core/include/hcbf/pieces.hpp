@@ -13,7 +13,7 @@
 
 #include <hcbf/constants.hpp>
 #include <hcbf/arrays.hpp>
-#include <hcbf/convex_polygon.hpp>
+#include <hcbf/shapes.hpp>
 #include <hcbf/layout.hpp>
 
 namespace hcbf::pieces {

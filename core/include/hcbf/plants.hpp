@@ -1,13 +1,87 @@
-// What a filter reads and writes: constants, plants with their scenes, and their reports.
-// `bindings/layouts.cpp` describes the records to NumPy.
+// What a filter reads, writes and remembers: constants, plants with their scenes, their reports, and room for
+// one problem. `bindings/layouts.cpp` describes the records to NumPy.
 #pragma once
+#include <array>
+#include <vector>
+
 #include <hcbf/axle.hpp>
-#include <hcbf/layout.hpp>
-#include <hcbf/memory.hpp>
+#include <hcbf/class_k.hpp>
 #include <hcbf/program_records.hpp>
-#include <hcbf/report.hpp>
-#include <hcbf/row_settings.hpp>
-#include <hcbf/uncertainty.hpp>
+
+// Why a filter brakes, or has raised an alarm: `models.plant.Reason`, number by number.
+namespace hcbf::reason {
+
+enum Reason : Index {
+  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES
+};
+
+constexpr Index FIRST_ALARM = INPUT;  // below, the filter brakes for as long as the reason lasts
+
+}  // namespace hcbf::reason
+
+// What a plant's record remembers from step to step; zeros at a reset.
+namespace hcbf::monitor {
+
+struct Inputs {    // those that arrive, against those that were chosen
+  double error;    // E
+  double missed;   // the share of misses
+  double exact;    // the share that was met exactly
+  double off;      // the share that was off by more than an exact plant ever is
+  double samples;  // that count
+};
+
+struct Motion {      // against the prediction; r and m' of models that are not planar stand elsewhere
+  double drift[2];   // r [m]
+  double motion[2];  // m' [m]
+  double body[4];    // position [m] and velocity [m/s] at the last sample
+  double bend;       // c
+  double in_a_row;   // samples at which the motion was off
+};
+
+}  // namespace hcbf::monitor
+
+namespace hcbf::conclusion {
+
+// What changed: barriers, compared with those before or not; or the state comes after an invalid one.
+enum Change : Index { COMPARED = 1, CHANGED = 2 };
+
+struct Memory {
+  Index change;    // a `Change`, 0 for nothing
+  double kept;     // the least h - m at this sample [m]; after a change, of the barriers before
+  double headway;  // the least psi likewise [m/s]
+  Index unproved;  // whether a change left something short, until nothing is
+  double closing;  // for how long psi has been below zero [s]
+};
+
+}  // namespace hcbf::conclusion
+
+// The fields of info["safety_filter"].
+namespace hcbf::report {
+
+struct Plant {  // (n_u,) u_nominal and u_safe stand behind it
+  double intervention;  // |u - u*|
+  double fallbacks;     // projections that took more than doubles or a second solver
+  double model_error;   // how far the response is from the chosen input [unit of u]
+  double reachable;     // through which rank the path leads; 0 where nothing lies on it
+  double deadlock;      // 1 where the plant is at rest though u* requests motion
+  double alpha1_scale;  // by how much alpha_1 was scaled down to what U can brake
+  Index status;         // a `programs.FilterStatus`
+  Index reason;         // a `models.plant.Reason`
+  Index covered;        // a `models.plant.Coverage`
+  Index covered_by;     // why it is not 1, a `models.plant.CoveredBy`
+  Index proved;         // 1 where h >= m and psi >= 0 of every strict condition on the position
+};
+
+struct Row {
+  double slack;         // the row's violation
+  double delta;         // the program's own relaxation
+  double margin;        // what the row reserves between h and zero
+  double h;             // NaN where no state is valid, infinite where there is no condition nearby
+  double psi;           // the last psi, which the row keeps from falling below zero; as h
+  double conditioning;  // 0 where no input matters to the row, less than 1 near a kink
+};
+
+}  // namespace hcbf::report
 
 namespace hcbf::plants {
 
@@ -91,8 +165,6 @@ struct One {
   report::Plant& report;            // written to
   Vector<double> u_nominal, u_safe;  // (n_u,) behind it
   Vector<report::Row> rows;         // (M,) written to; M is m, and one more where guidance has a row
-
-  Index count() const { return kind.size; }
 };
 
 // N of them, by field.
@@ -106,44 +178,30 @@ struct Plants {
   Records<report::Plant> reports;
   Matrix<report::Row> rows;
   Index n_u;
-
-  One operator[](Index i) const {
-    double *behind = sensed.tail(i), *reported = reports.tail(i);
-    return {kind[i], parameters[i], priority[i], own_margin[i],
-            own.layers > 0 ? own[i] : Matrix<const double>{nullptr, 0, 0},
-            sensed[i], {behind, n_u}, {behind + n_u, n_u},
-            reports[i], {reported, n_u}, {reported + n_u, n_u}, rows[i]};
-  }
 };
 
-// Returns whether the scenes are of as many plants and rows as there is room for, in sound ranks:
-// nothing else here checks an index. `guided`: whether guidance has a row of its own.
-inline bool fits(const Plants& p, bool guided) {
-  const Index count = p.kind.rows, m = p.kind.columns;
-  if (p.sensed.size != count || p.reports.size != count || p.rows.rows != count) return false;
-  if (p.rows.columns < m + guided) return false;
-  if (p.own.layers > 0 && (p.own.layers != count || p.own.rows != m)) return false;
-  if (p.parameters.layers != count || p.parameters.rows != m || p.parameters.columns != layout::WIDTH)
-    return false;
-  if (p.priority.rows != count || p.priority.columns != m) return false;
-  if (p.own_margin.rows != count || p.own_margin.columns != m) return false;
-  for (Index i = 0; i < count; ++i)
-    for (Index k = 0; k < m; ++k) {
-      const Index rank = p.priority(i, k);
-      if (p.kind(i, k) == layout::NONE ? rank != 0 : rank < 1 || rank > layout::LOWEST_RANK) return false;
-    }
-  return true;
-}
+// Room for the rows of one plant, and for the program's answer; it grows with the scene and is kept.
+struct Work {
+  Vector<double> u;         // (n_u,) the input that the program is given as the nominal one
+  Matrix<double> a;         // (M, n_u) gradients
+  Matrix<double> rows;      // (4, M) b, h, alpha2(psi) and psi
+  Vector<Index> priority;   // (M,)
+  Matrix<double> margin;    // (4, m) as `margins::derive` writes them
+  Vector<Index> strict;     // (m,) 1 for those of rank 1 and on the position
+  Matrix<double> straight;  // (M, 3) a and b of the rows on the acceleration, of differential drives
+  struct {
+    Vector<double> u, slack, delta;  // (n_u,), (M,), (M,)
+    Index status, fallbacks;
+  } answer;  // of the program, see `program_records::FilterResult`
+  program_records::Workspace polygons;
+  double corners[8];  // (4, 2) the U of a differential drive
+  // the same once more, for the point before an axle, or for its second problem
+  Matrix<double> other_a, other_rows, other_margin;
 
-// Returns the program of plant i; `numbers` holds the corners of U, and behind them the weights of all
-// plants or of one a plant.
-inline program_records::Settings program_of(const Constants& c, Vector<const double> numbers, Index i) {
-  const Index end = 2 * c.corners;
-  const bool weighs = numbers.size - end > c.weights;  // each plant by its own
-  return {c.lower,  c.by_level, c.lock,         c.ranks,
-          c.guided, c.radius,   c.lambda_u,     c.known_offset,
-          {numbers.data, 1, c.corners, 2},
-          {numbers.data + end + (weighs ? c.weights * i : 0), 1, c.weights}};
-}
+  // where these numbers are, and the shape that there is room for
+  std::vector<double> numbers;
+  std::vector<Index> codes;
+  std::array<Index, 4> shape{-1, -1, -1, -1};
+};
 
 }  // namespace hcbf::plants

@@ -78,11 +78,6 @@ Range<Number> span(Corners<Number> corners, const PointOf<Number>& n) {
   return range;
 }
 
-template <class Number>
-bool near(const PointOf<Number>& a, const PointOf<Number>& b, double distance) {
-  return abs(a.x - b.x) <= distance && abs(a.y - b.y) <= distance;
-}
-
 // Keeps, of the corners with n u >= level, the two that are farthest apart.
 template <class Number>
 void keep_face(PolygonOf<Number>& polygon, const PointOf<Number>& n, const Number& level, double same) {
@@ -109,8 +104,11 @@ void cut(PolygonOf<Number>& polygon, const LineOf<Number>& line, double radius) 
     return keep_face<Number>(polygon, line.n, highest - thin, same);
   std::vector<PointOf<Number>>& kept = polygon.spare;
   kept.clear();
+  const auto near = [same](const PointOf<Number>& a, const PointOf<Number>& b) {
+    return abs(a.x - b.x) <= same && abs(a.y - b.y) <= same;
+  };
   const auto keep = [&](const PointOf<Number>& u) {
-    if (kept.empty() || !near(kept.back(), u, same)) kept.push_back(u);
+    if (kept.empty() || !near(kept.back(), u)) kept.push_back(u);
   };
   PointOf<Number> from = polygon.corners.back();
   Number before = line.above(from);
@@ -120,7 +118,7 @@ void cut(PolygonOf<Number>& polygon, const LineOf<Number>& line, double radius) 
     if (here >= 0.0) keep(u);
     from = u, before = here;
   }
-  while (kept.size() > 1 && near(kept.front(), kept.back(), same)) kept.pop_back();
+  while (kept.size() > 1 && near(kept.front(), kept.back())) kept.pop_back();
   polygon.corners.swap(kept);
 }
 

@@ -37,31 +37,6 @@ struct Settings {
   Matrix<const double> weights;  // (K, 1 + L) see `weights`
 };
 
-// What a state may have for itself.
-struct Own {
-  Matrix<const double> vertices;  // (V, 2)
-  Vector<const double> weights;   // (1 + L,)
-};
-
-// Returns what state i of N has.
-inline Own own_of(const Settings& settings, Index i) {
-  return {settings.vertices[settings.vertices.layers > 1 ? i : 0],
-          settings.weights[settings.weights.rows > 1 ? i : 0]};
-}
-
-// Returns gamma0 of a priority; infinity for a strict level. `table` (1 + L,): delta_gamma, then
-// gamma0 of each priority from 2 on, the last one repeated.
-inline double gamma0_of(Vector<const double> table, Index priority) {
-  if (priority <= 1) return std::numeric_limits<double>::infinity();
-  return table[std::min(priority - 1, table.size - 1)];
-}
-
-// Returns lambda(h) of one row; infinity for one of a strict level.
-template <class Number>
-Number weight_of(Vector<const double> table, Index priority, const Number& h) {
-  return gamma0_of(table, priority) * (1.0 + table[0] * max(0.0, -h));
-}
-
 template <class Number>
 struct StateRowsOf {                // of one state
   Matrix<const Number> a;           // (m, n_u) L_g psi_k, the row's gradient in the input
@@ -79,10 +54,6 @@ struct CbfRows {  // of N states
   Matrix<const double> alpha2_psi;
   StateRows operator[](Index i) const { return {a[i], b[i], h[i], priority[i], alpha2_psi[i]}; }
 };
-
-inline bool are_finite(Vector<const double> numbers) {
-  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
-}
 
 // Returns whether priorities are 1, 2, ... without a gap.
 inline bool has_no_gap(Vector<const Index> priority) {
@@ -112,23 +83,6 @@ struct FilterResult {       // of N states, written to
   Vector<Index> status;     // (N,) `FilterStatus`
   Vector<Index> fallbacks;  // (N,) how many projections took more than doubles or a second solver
 };
-
-// Returns by how much a row is violated, 0 where that is rounding. `lack`: b - a u; `norm`: |a|;
-// `radius`: the largest norm of an input.
-template <class Number>
-Number slack_of(const Number& lack, const Number& norm, const Number& b, double radius) {
-  return lack > tolerances::SLACK * (norm * radius + abs(b)) ? lack : 0.0;
-}
-
-// Writes the slack (m,) of one state's rows at u.
-inline void violation(Matrix<const double> a, Vector<const double> b, Vector<const double> u, double radius,
-                      Vector<double> slack) {
-  for (Index k = 0; k < b.size; ++k) {
-    double square = 0.0, lack = b[k];
-    for (Index j = 0; j < u.size; ++j) square += a(k, j) * a(k, j), lack -= a(k, j) * u[j];
-    slack[k] = slack_of(lack, std::sqrt(square), b[k], radius);
-  }
-}
 
 // What is known of a row on the cell of a search: nothing yet, that it is paid for, that it is not.
 enum class State { OPEN, PAID, MET };
@@ -201,11 +155,5 @@ struct WorkspaceOf {
   }
 };
 using Workspace = WorkspaceOf<double>;
-
-inline Workspace make_workspace(double radius, Index corners, Index m) {
-  Workspace w;
-  w.grow(radius, corners, m);
-  return w;
-}
 
 }  // namespace hcbf::program_records

@@ -11,15 +11,13 @@
 #include <algorithm>
 #include <limits>
 
-#include <hcbf/row_settings.hpp>
-#include <hcbf/shape_terms.hpp>
+#include <hcbf/class_k.hpp>
 #include <hcbf/shapes.hpp>
-#include <hcbf/speed_limit.hpp>
 #include <hcbf/zone.hpp>
 
 namespace hcbf::rows {
 
-using row_settings::PlacedRow, row_settings::RowOf;
+using zone::RowOf;
 using namespace functions;
 
 // Of the first axis of what `rows` writes.
@@ -30,6 +28,12 @@ struct Reserved {  // what a row reserves between h and zero
   Number margin;      // m
   Number rate;        // ṁ
   Number quickening;  // m̈
+};
+
+template <class Number>
+struct PlacedRow {  // of a barrier on the position
+  Number b, alpha2_psi, psi;
+  Number lost;  // by how much less h − m gains with every input than a·u [m/s²]
 };
 
 // ½ ū T², the most that a held input moves h by [m].
@@ -179,41 +183,37 @@ inline Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& re
   return {r.b, at.h, r.alpha2_psi, r.psi};
 }
 
-inline void put(Index i, Index k, const Bound<double>& bound, Cube<double> out) {
-  out(B, i, k) = bound.b, out(H, i, k) = bound.h;
-  out(ALPHA2_PSI, i, k) = bound.alpha2_psi, out(PSI, i, k) = bound.psi;
+// Writes that a state has no row in place k: a (M, n_u), and rows (4, M) b, h, α₂(ψ) and ψ.
+inline void leave_out(Index k, Matrix<double> a, Matrix<double> rows) {
+  for (double& entry : a[k]) entry = 0.0;
+  rows(B, k) = NO_ROW.b, rows(H, k) = NO_ROW.h, rows(ALPHA2_PSI, k) = NO_ROW.alpha2_psi, rows(PSI, k) = NO_ROW.psi;
 }
 
-// Writes that state i has no row in place k: a (N, M, n_u), and rows (4, N, M) b, h, α₂(ψ) and ψ.
-inline void leave_out(Index i, Index k, Cube<double> a, Cube<double> rows) {
-  for (double& entry : a[i][k]) entry = 0.0;
-  put(i, k, NO_ROW, rows);
-}
-
-// Writes the rows of N states x (N, 4) at times t (N,); those of users' own barriers are passed over.
+// Writes the rows of a state x (4,) at a time t; those of users' own barriers are passed over.
 //
-// kind (N, m) and parameters (N, m, WIDTH) as `BarrierSet` in Python holds them; margin (3 or more, N, m)
-// what each row reserves between h and zero, the rate of that, and the rate of that again; a (N, m, 2)
-// and out (4, N, m) b, h, α₂(ψ) and ψ are written.
-inline void rows(Matrix<const Index> kind, Cube<const double> parameters, Cube<const double> margin,
-                 Matrix<const double> x, Vector<const double> t, const RowSettings& settings, Cube<double> a,
-                 Cube<double> out) {
-  for (Index i = 0; i < x.rows; ++i)
-    for (Index k = 0; k < kind.columns; ++k) {
-      if (kind(i, k) == layout::CUSTOM) continue;
-      const Reserved<double> reserved{margin(0, i, k), margin(1, i, k), margin(2, i, k)};
-      const double* c = parameters[i][k].data;
-      put(i, k, row(kind(i, k), c, reserved, x[i].data, t[i], settings, a[i][k].data), out);
-    }
-}
-
-// Writes the rows of one state x (4,) at a time t: a (m, 2), and out (4, m).
+// kind (m,) and parameters (m, WIDTH) as `BarrierSet` in Python holds them; margin (3 or more, m) what each
+// row reserves between h and zero, the rate of that, and the rate of that again; a (m, 2) and out (4, m) b,
+// h, α₂(ψ) and ψ are written.
 inline void of_state(Vector<const Index> kind, Matrix<const double> parameters, Matrix<const double> margin,
                      const double* x, double t, const RowSettings& settings, Matrix<double> a,
                      Matrix<double> out) {
-  const Index m = kind.size;
-  rows({kind.data, 1, m}, {parameters.data, 1, m, layout::WIDTH}, {margin.data, 4, 1, margin.columns},
-       {x, 1, 4}, {&t, 1}, settings, {a.data, 1, a.rows, 2}, {out.data, 4, 1, out.columns});
+  for (Index k = 0; k < kind.size; ++k) {
+    if (kind[k] == layout::CUSTOM) continue;
+    const Reserved<double> reserved{margin(0, k), margin(1, k), margin(2, k)};
+    const Bound<double> r = row(kind[k], parameters[k].data, reserved, x, t, settings, a[k].data);
+    out(B, k) = r.b, out(H, k) = r.h, out(ALPHA2_PSI, k) = r.alpha2_psi, out(PSI, k) = r.psi;
+  }
+}
+
+// Writes the rows of N states x (N, 4) at times t (N,), with a leading N in what `of_state` takes and margin
+// (3 or more, N, m) and out (4, N, m).
+inline void rows(Matrix<const Index> kind, Cube<const double> parameters, Cube<const double> margin,
+                 Matrix<const double> x, Vector<const double> t, const RowSettings& settings, Cube<double> a,
+                 Cube<double> out) {
+  const Index m = kind.columns, all = x.rows * m;
+  for (Index i = 0; i < x.rows; ++i)
+    of_state(kind[i], parameters[i], {margin.data + i * m, 3, all}, x[i].data, t[i], settings, a[i],
+             {out.data + i * m, 4, all});
 }
 
 // Whether a condition is on the speed, not on the place.

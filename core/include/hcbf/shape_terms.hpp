@@ -8,7 +8,6 @@
 #include <hcbf/layout.hpp>
 #include <hcbf/pieces.hpp>
 #include <hcbf/shapes.hpp>
-#include <hcbf/speed_limit.hpp>
 #include <hcbf/zone.hpp>
 
 namespace hcbf::shape_terms {

@@ -9,9 +9,7 @@
 #include <hcbf/margins.hpp>
 #include <hcbf/constants.hpp>
 #include <hcbf/plants.hpp>
-#include <hcbf/reason.hpp>
 #include <hcbf/reduced_order.hpp>
-#include <hcbf/report.hpp>
 
 namespace hcbf::state_check {
 
@@ -38,15 +36,11 @@ struct States {
   State operator[](Index i) const { return {x[i], model[i], lag[i], covariance[i], accepted[i]}; }
 };
 
-inline void copy(Vector<const double> from, Vector<double> to) {
-  for (Index k = 0; k < to.size; ++k) to[k] = from[k];
-}
-
 // Returns whether no entry is beyond `FARTHEST`; of what is not finite that is false, too.
 inline bool are_near(Vector<const double> values) {
-  bool near = true;
-  for (Index k = 0; k < values.size; ++k) near &= std::abs(values[k]) <= FARTHEST;
-  return near;
+  for (const double value : values)
+    if (!(std::abs(value) <= FARTHEST)) return false;
+  return true;
 }
 
 // Returns whether a matrix (n, n) is symmetric without negative eigenvalues, up to rounding: it is
@@ -142,10 +136,8 @@ inline Index check(plants::Plant& plant, Vector<const double> input) {
   if (plant.known && plant.elapsed > 0.0) {
     const auto after =
         reduced_order::double_integrator_step({plant.accepted, 4}, input, plant.elapsed, INFINITY);
-    plant.known = 1;
-    for (const double value : after) plant.known &= std::abs(value) <= FARTHEST;
-    if (plant.known)
-      for (Index k = 0; k < 4; ++k) plant.accepted[k] = after[k];
+    plant.known = are_near({after.data(), 4});
+    if (plant.known) copy({after.data(), 4}, state.accepted);
   }
   replace(plant, state);
   return why;

@@ -63,11 +63,4 @@ inline void costs_of(Matrix<const double> least, Matrix<const Index> kind, Matri
   for (Index i = 0; i < least.rows; ++i) cost[i] = write_costs(least[i], kind[i], priority[i], costs[i]);
 }
 
-// Returns whether nothing but finite numbers is there.
-inline bool are_finite(const double* numbers, Index count) {
-  bool finite = true;
-  for (Index i = 0; i < count; ++i) finite &= std::isfinite(numbers[i]);
-  return finite;
-}
-
 }  // namespace hcbf::task

@@ -8,11 +8,26 @@
 #pragma once
 #include <algorithm>
 
-#include <hcbf/row_settings.hpp>
+#include <hcbf/class_k.hpp>
+
+// A cap on the speed, h = (v_max² − ‖v‖²) / (2 v_max); its gradient is −v/v_max, its Hessian −1/v_max.
+namespace hcbf::speed_limit {
+
+template <class Number>
+Number value(const Number& v_max, const Number& vx, const Number& vy) {
+  return (v_max * v_max - vx * vx - vy * vy) / (2.0 * v_max);
+}
+
+}  // namespace hcbf::speed_limit
 
 namespace hcbf::zone {
 
-using row_settings::RowOf;
+template <class Number>
+struct RowOf {
+  Number b;
+  Number alpha2_psi;  // α₂(ψ)
+  Number psi;         // ψ
+};
 
 constexpr double BRAKING = 1.0;  // β, with which a robot slows down before a zone [m/s²]
 
