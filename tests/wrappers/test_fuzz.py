@@ -1,14 +1,10 @@
-"""Passes malformed values to filters in another process, and counts what became of them.
+"""Any values: they are refused or braked, nothing unknown passes, and no process ends."""
 
-``python -m tests.wrappers.fuzz 20000`` prints how many were refused, braked and filtered.
-"""
-
+import contextlib
 import copy
 import dataclasses
-import os
-import sys
+import functools
 import warnings
-from collections import Counter
 from typing import Any
 
 import gymnasium as gym
@@ -28,7 +24,31 @@ from hcbf_gym.programs import FilterStatus
 PERIOD = 0.02
 GOOD = np.array([0.1, -0.2, 0.4, 0.3])
 WALL = barriers.HalfPlane("wall", 1, (0.0, 1.0), -3.0)
-COUNTED: Counter = Counter()
+CORES = {
+    "compiled": (models.DoubleIntegrator(), None),
+    "daqp": (models.DoubleIntegrator(), "daqp"),
+    "any model": (models.DoubleIntegrator(drag=0.1), None),
+}
+
+
+def fuzzed(count, *strategies):
+    """Run a test with so many values; what is refused in words is as it should be."""
+
+    def decorate(test):
+        @functools.wraps(test)
+        def judged(**drawn):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                with contextlib.suppress(HcbfError):
+                    test(**drawn)
+
+        phases = [Phase.generate, Phase.shrink]
+        limits = settings(max_examples=count, database=None, phases=phases,
+                          suppress_health_check=list(HealthCheck))  # fmt: skip
+        return limits(given(*strategies)(judged))
+
+    return decorate
+
 
 numbers = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -200,34 +220,30 @@ def drive(env, reported, steps=3) -> list:
     return reports
 
 
-@given(estimates, st.booleans(), st.sampled_from([None, "daqp"]))
-def state(reported, from_the_start, solver):
+@fuzzed(128, estimates, st.booleans(), st.sampled_from(sorted(CORES)))
+def test_states(reported, from_the_start, core):
+    model, solver = CORES[core]
     sees = iter([reported] * 9 if from_the_start else [GOOD, GOOD, *[reported] * 7])
-    plant = hcbf_gym.Plant(
-        models.DoubleIntegrator(), (WALL,), lambda *_: next(sees), period=PERIOD, max_age=0.1
-    )
+    plant = hcbf_gym.Plant(model, (WALL,), lambda *_: next(sees), period=PERIOD, max_age=0.1)
     env = wrappers.SafetyFilter(Point(), plant=plant, solver=solver)
     reports = drive(env, reported)
     if not is_sound(reported):
-        COUNTED["braked"] += 1
         assert reports[-1]["status"] == FilterStatus.BACKUP, reports[-1]
         assert reports[-1]["reason"] > 0
 
 
-@given(listed, st.booleans(), st.sampled_from([None, "daqp"]))
-def barrier(reported, reader, solver):
+@fuzzed(72, listed, st.booleans(), st.sampled_from(sorted(CORES)))
+def test_barriers(reported, reader, core):
+    model, solver = CORES[core]
     given_barriers = (lambda *_: reported) if reader else reported
-    plant = hcbf_gym.Plant(
-        models.DoubleIntegrator(), given_barriers, lambda *_: GOOD.copy(), period=PERIOD
-    )
+    plant = hcbf_gym.Plant(model, given_barriers, lambda *_: GOOD.copy(), period=PERIOD)
     reports = drive(wrappers.SafetyFilter(Point(), plant=plant, solver=solver), reported)
     if not isinstance(reported, list | tuple) or any(b is None for b in reported):
         assert reports[-1]["status"] == FilterStatus.BACKUP
-        COUNTED["braked"] += 1
 
 
-@given(values, st.sampled_from([None, "daqp"]))
-def action(reported, solver):
+@fuzzed(24, values, st.sampled_from([None, "daqp"]))
+def test_actions(reported, solver):
     env = gym.make("HCBF-Regions-v0", scenario="paper-simulation", disable_env_checker=True)
     env = wrappers.SafetyFilter(env, solver=solver)
     env.reset(seed=0)
@@ -238,12 +254,13 @@ def action(reported, solver):
 PLANT = ("period", "brake", "max_age", "goal", "extent", "covered", "on_alarm", "uncertainty")
 
 
-@given(
+@fuzzed(
+    24,
     st.sampled_from(PLANT),
     st.one_of(values, st.builds(Uncertainty, values, numbers, numbers, numbers, numbers, values)),
     st.sampled_from([None, "geodesic", "local"]),
 )
-def plant(name, reported, guidance):
+def test_fields_of_a_plant(name, reported, guidance):
     fields: dict = {"period": PERIOD, "goal": (2.0, 0.0)} | {name: reported}
     made = hcbf_gym.Plant(models.DoubleIntegrator(), (WALL,), lambda *_: GOOD.copy(), **fields)
     drive(wrappers.SafetyFilter(Point(), plant=made, guidance=guidance), reported)
@@ -252,8 +269,8 @@ def plant(name, reported, guidance):
 FILTER = ("rows", "margin", "gamma0", "delta_gamma", "lambda_u", "alpha1", "alpha2", "on_alarm")
 
 
-@given(st.sampled_from(FILTER), values, st.booleans())
-def argument(name, reported, many):
+@fuzzed(16, st.sampled_from(FILTER), values, st.booleans())
+def test_arguments_of_a_filter(name, reported, many):
     options: dict = {"program": "h-cbf-qp"} | {name: reported}
     if many:
         envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
@@ -265,8 +282,8 @@ def argument(name, reported, many):
         drive(wrappers.SafetyFilter(env, **options), reported)
 
 
-@given(values, values)
-def size(shape, actions):
+@fuzzed(16, values, values)
+def test_weights_and_actions_of_a_batch(shape, actions):
     envs = gym.make_vec("HCBF-Regions-v0", num_envs=2, scenario="random")
     weights = {} if shape is None else {"gamma0": shape}
     envs = wrappers.VectorSafetyFilter(envs, "eh-cbf-qp", **weights)
@@ -311,8 +328,8 @@ def scenes(draw):
 STARTS = st.dictionaries(st.sampled_from(["scenario", "start", "other"]), values, max_size=2)
 
 
-@given(scenes(), STARTS, st.sampled_from(["argument", "reset", "batch", "A1", "options"]))
-def scene(reported, options, filt):
+@fuzzed(48, scenes(), STARTS, st.sampled_from(["argument", "reset", "batch", "A1", "options"]))
+def test_scenes(reported, options, filt):
     u = np.array([3.0, -2.0])
     if filt == "A1":
         env = wrappers.SafetyFilter(gym.make("HCBF-A1Regions-v0", scenario=reported))
@@ -348,8 +365,8 @@ class ForeignBatch(ReportingBatch):
         return self.reported
 
 
-@given(estimates, st.sampled_from([ReportingBatch, ForeignBatch]))
-def batch(reported, kind):
+@fuzzed(16, estimates, st.sampled_from([ReportingBatch, ForeignBatch]))
+def test_states_of_a_batch(reported, kind):
     envs = kind(2, scenario="random")
     envs.reported = reported
     filtered = wrappers.VectorSafetyFilter(envs)
@@ -367,7 +384,8 @@ places_or_values = st.one_of(
 )
 
 
-@given(
+@fuzzed(
+    32,
     places_or_values,
     st.one_of(st.just(GOOD), estimates),
     st.one_of(st.none(), values),
@@ -375,7 +393,7 @@ places_or_values = st.one_of(
     st.sampled_from([None, "daqp"]),
     st.integers(0, 2),
 )
-def guided(goal, reported, extent, guidance, solver, resets):
+def test_goals_extents_and_states_under_guidance(goal, reported, extent, guidance, solver, resets):
     """Guidance before a reset, after one that failed, and with malformed goals and states."""
     plant = hcbf_gym.Plant(
         models.DoubleIntegrator(),
@@ -387,23 +405,22 @@ def guided(goal, reported, extent, guidance, solver, resets):
     )
     env = wrappers.SafetyFilter(Point(), plant=plant, guidance=guidance, solver=solver)
     for _ in range(resets):
-        try:
+        with contextlib.suppress(HcbfError):
             env.reset(seed=0)
-        except HcbfError:
-            COUNTED["no way"] += 1
     for _ in range(3):
         report = env.step(np.array([3.0, -2.0]))[4]["safety_filter"]
         assert np.isfinite(report["u_safe"]).all()
         assert is_sound(reported) or report["status"] == FilterStatus.BACKUP
 
 
-@given(
+@fuzzed(
+    24,
     st.one_of(st.none(), places_or_values),
     st.lists(st.one_of(st.just((0.1, -0.2, 0.3)), values), min_size=1, max_size=4),
     st.one_of(st.just(0.0), values),
     st.sampled_from([None, "geodesic", "local"]),
 )
-def driven(goal, poses, twist, guidance):
+def test_messages_in_a_loop(goal, poses, twist, guidance):
     """A user's loop, whose messages are malformed from the first one on."""
     loop = hcbf_robots.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
     for k, pose in enumerate(poses):
@@ -411,47 +428,3 @@ def driven(goal, poses, twist, guidance):
         command, report = loop.step((0.5, 0.1, 0.0), pose, reported, 0.05 * k)
         assert np.isfinite(command).all()
         assert np.isfinite(report["u_safe"]).all()
-
-
-SHARES = {
-    state: 0.32,
-    barrier: 0.18,
-    guided: 0.08,
-    driven: 0.06,
-    action: 0.06,
-    plant: 0.06,
-    argument: 0.04,
-    size: 0.04,
-    scene: 0.12,
-    batch: 0.04,
-}
-
-
-def main(count: int) -> None:
-    """Bend so many values; whatever is wrong raises."""
-    for case, share in SHARES.items():
-        inner = case.hypothesis.inner_test
-
-        def judged(inner=inner, case_name=inner.__name__, **arguments):
-            COUNTED[case_name] += 1
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                try:
-                    inner(**arguments)
-                except HcbfError:
-                    COUNTED["refused"] += 1
-
-        case.hypothesis.inner_test = judged
-        settings(
-            max_examples=max(1, round(share * count)),
-            deadline=None,
-            derandomize=bool(os.environ.get("CI")),
-            database=None,
-            phases=[Phase.generate, Phase.shrink],
-            suppress_health_check=list(HealthCheck),
-        )(case)()
-    print(dict(COUNTED))
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))
