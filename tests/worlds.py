@@ -1,8 +1,11 @@
 """Environments of the filters' tests: plants that are their model, in a loop or at rest."""
 
+from dataclasses import dataclass
+
 import gymnasium as gym
 import numpy as np
 
+from hcbf_gym.barriers import PlanarBarrier
 from hcbf_gym.models import ControlAffine, DoubleIntegrator
 
 
@@ -38,9 +41,19 @@ class World(gym.Env):
         return self.x if self.period is None else self.model.step(self.x, u, self.period)
 
 
-def read_x(env, observation, info):
-    """Return the state, as a plant's reader."""
-    return env.x.copy()
+@dataclass(frozen=True)
+class OwnDisc(PlanarBarrier):
+    """A disc of a user's own, without a core."""
+
+    center: tuple[float, float] = (0.0, 0.0)
+    radius: float = 0.5
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+    def planar_jet(self, q):
+        away = q - np.array(self.center)
+        distance = np.linalg.norm(away)
+        n = away / distance
+        return float(distance - self.radius), n, (np.eye(2) - np.outer(n, n)) / distance
 
 
 def boat():

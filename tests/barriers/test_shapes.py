@@ -132,9 +132,3 @@ def test_it_travels_through_json_and_stands_in_arrays(shape):
     np.testing.assert_allclose(many.parameters, [block] * 3)
     with pytest.raises(InvalidInputError, match="expected"):
         Shapes("many", 1, shape.kind, np.where(np.isfinite(values), np.nan, values))
-
-
-@pytest.mark.parametrize("size", [0.0, 1.1, 1e200, 1e308])
-def test_a_normal_of_any_other_length_than_1_is_refused_in_words(size):
-    with pytest.raises(InvalidInputError, match="expected 1"):
-        barriers.HalfPlane("wall", 1, normal=(size, size), offset=0.0)

@@ -1,7 +1,5 @@
 """A plant in survey coordinates is filtered as one near the origin, whatever its model is."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from hcbf_gym.barriers import (
     Disc,
     Function,
     HalfPlane,
-    PlanarBarrier,
     Shapes,
     SpeedLimit,
 )
@@ -25,7 +22,7 @@ from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
-from tests.worlds import World
+from tests.worlds import OwnDisc, World
 
 T, UTM = 0.05, (500_000.0, 5_900_000.0)
 MODELS = {
@@ -36,19 +33,6 @@ MODELS = {
     "unicycle": models.Unicycle(),
     "bicycle": models.KinematicBicycle(),
 }
-
-
-@dataclass(frozen=True)
-class Post(PlanarBarrier):
-    """A condition of a user's own."""
-
-    at: tuple = (0.0, 0.0)
-
-    def planar_jet(self, q):
-        away = q - np.array(self.at)
-        distance = np.linalg.norm(away)
-        n = away / distance
-        return distance - 0.3, n, (np.eye(2) - np.outer(n, n)) / distance
 
 
 def scene(name, x, y):
@@ -73,7 +57,7 @@ def scene(name, x, y):
         grid = Grid(0.1, (x - 1.0, y - 2.0, 0.1), (40, 40))
         found.append(RankedMap(grid, (MapClass("walls", 1, "keepout", cells),)))
         found.append(Shapes("scan", 2, "disc", [(x + 1.0, y - 1.0, 0.1)]))
-        found += [Post("post", 2, (x + 0.7, y - 0.9)), SpeedLimit("cap", 1, 1.2)]
+        found += [OwnDisc("post", 2, (x + 0.7, y - 0.9), 0.3), SpeedLimit("cap", 1, 1.2)]
     return found
 
 
@@ -90,7 +74,7 @@ def run(name, x, y, count, guided=False):
     n = 1 if count is None else count
     barriers = scene(name, x, y)
     if guided:
-        barriers = [one for one in barriers if not isinstance(one, Post)]
+        barriers = [one for one in barriers if not isinstance(one, OwnDisc)]
     away = np.zeros(model.n)
     away[:2] = x, y
     here = np.zeros((n, model.n))

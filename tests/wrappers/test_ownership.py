@@ -1,5 +1,6 @@
 """Arguments stay the caller's, who may change them; so do returned values."""
 
+import itertools
 from collections import OrderedDict, deque
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
 from tests.worlds import World
 
-MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
+MODELS = (models.DoubleIntegrator(), models.SingleIntegrator(), models.Unicycle())
 
 
 def post(at):
@@ -54,7 +55,7 @@ def moving():
 
 def single(barriers, model=MODELS[0]):
     plant = Plant(model, barriers, lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(still(model), plant=plant)
+    env = wrappers.SafetyFilter(still(model), plant=plant, allow_late_inputs=True)
     env.reset(seed=0)
     return lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
 
@@ -66,14 +67,21 @@ def batch(barriers):
     return lambda: filt(np.zeros((2, 2)), np.zeros((2, 4)))[1]["h"][1, -1]
 
 
+def loop(barriers):
+    safe, times = VelocityFilter("cart", barriers, period=0.02), itertools.count()
+    return lambda: safe.step((0.0, 0.0), *np.zeros((2, 3)), 0.02 * next(times))[1]["h"][-1]
+
+
 INPUTS = {
     "a list": lambda one: single([one]),
     "a list, any model": lambda one: single([one], MODELS[1]),
+    "a list, a vehicle": lambda one: single([one], MODELS[2]),
     "a reader": lambda one: single(lambda *_: [one]),
     "a list for a batch": lambda one: batch([one]),
     "lists for a batch": lambda one: batch([[one], [one]]),
     "deques for a batch": lambda one: batch([deque([one]), deque([one])]),
     "tuples with names for a batch": lambda one: batch([Pair(one), Pair(one)]),
+    "a loop": lambda one: loop([one]),
 }
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from hcbf_gym.barriers import HalfPlane, PlanarBarrier
 from hcbf_gym.models import DoubleIntegrator
+from tests.worlds import OwnDisc
 from tests.wrappers.point_mass import AHEAD, filtered, quietly
 
 WALL = HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-2.0)
@@ -22,20 +23,6 @@ class OwnWall(PlanarBarrier):
 
     def planar_jet(self, q):
         return 2.0 - q[0], np.array([-1.0, 0.0]), np.zeros((2, 2))
-
-
-@dataclass(frozen=True)
-class OwnDisc(PlanarBarrier):
-    """A disc without a core."""
-
-    name: str = "own disc"
-    priority: int = 1
-
-    def planar_jet(self, q):
-        away = q - np.array([2.0, 0.0])
-        far = np.linalg.norm(away)
-        n = away / far
-        return far - 0.5, n, (np.eye(2) - np.outer(n, n)) / far
 
 
 CORES = {
@@ -59,7 +46,7 @@ def test_a_robot_that_can_still_stop_before_a_wall_does(core, wall):
 
 
 def test_a_condition_without_a_core_keeps_what_h_dips_between_two_samples():
-    env = filtered(listed=(OwnDisc(),), period=0.02)
+    env = filtered(listed=(OwnDisc("own disc", 1, (2.0, 0.0)),), period=0.02)
     env.reset(seed=0)
     env.unwrapped.x = np.zeros(4)
     least = np.inf

@@ -8,6 +8,8 @@ from hcbf_gym import wrappers
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_robots.maps import MapClass
+from tests.maps.floors import cells, on_map, room
 from tests.worlds import World
 
 LISTED = [
@@ -40,9 +42,15 @@ def scene():
     return gym.make("HCBF-Regions-v0", scenario="random"), None
 
 
+def mapped():
+    """Return an environment of this package on a map with a speed zone."""
+    zone = MapClass("zone", 2, "speed", cells(4), limit=0.5)
+    return gym.make("HCBF-Regions-v0", scenario=on_map(room(3, zone=zone), (0.5, 1.5))), None
+
+
 @pytest.mark.parametrize("rows", ["held", "usual"])
 @pytest.mark.parametrize("program", ["h-cbf-qp", "lex-cbf-qp"])
-@pytest.mark.parametrize("world", [listed, scene])
+@pytest.mark.parametrize("world", [listed, scene, mapped])
 @pytest.mark.filterwarnings("ignore:safety filter")
 def test_a_solver_by_name_gives_the_compiled_answers(world, program, rows):
     compiled, named = (reports(world, program, rows, solver) for solver in (None, "daqp"))
