@@ -14,14 +14,13 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
+from tests.filtering.cores import core_of
 from tests.worlds import OwnDisc, World
 
 T, UTM = 0.05, (500_000.0, 5_900_000.0)
@@ -68,9 +67,7 @@ def run(name, x, y, count, guided=False):
     u_set = Box.symmetric(2.0, model.n_u)
     brake = np.zeros(model.n_u) if name in ("unicycle", "bicycle") else None
     plant = Plant(model, lambda *_: (), lambda *_: (), u_set, period=T, axle=axle, brake=brake)
-    settings = FilterSettings("lex-cbf-qp", "held", "geodesic" if guided else None, None, None,
-                              "warn", True, {})  # fmt: skip
-    core = FilterCore(plant, u_set, settings, count)
+    core = core_of(plant, count=count, guidance="geodesic" if guided else None)
     n = 1 if count is None else count
     barriers = scene(name, x, y)
     if guided:

@@ -5,10 +5,9 @@ import pytest
 
 from hcbf_gym import models
 from hcbf_gym.barriers import Barrier, Disc, Jet
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from tests.filtering.cores import core_of
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -44,8 +43,7 @@ def report_of(name, conditions, declared, count=None, **estimate):
         MODELS[name], conditions, lambda *_: None, Box.symmetric(2.0), period=PERIOD,
         uncertainty=declared,
     )  # fmt: skip
-    settings = FilterSettings("lex-cbf-qp", "usual", None, None, None, "warn", True, {})
-    core = FilterCore(plant, plant.input_set, settings, count)
+    core = core_of(plant, count=count, rows="usual")
     given = {"x": X, **estimate}
     given = {k: v if count is None else np.stack([v] * count) for k, v in given.items()}
     return core.begin(conditions, Estimate(**given), None, None)

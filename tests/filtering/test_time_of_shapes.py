@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from needs import needs
-from worlds import World
 
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
@@ -16,6 +15,7 @@ from hcbf_gym.models import Estimate
 from hcbf_gym.models.input_sets import Box
 from hcbf_robots.online import Robot, VelocityFilter
 from hcbf_robots.walkers.walker_parts import Command
+from tests.worlds import OwnDisc, World
 
 T = 0.05
 ROOM = (40.0, 40.0)

@@ -17,13 +17,12 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
+from tests.filtering.cores import core_of
 from tests.worlds import OwnDisc
 
 PLANTS, STEPS, T = 24, 12, 0.05
@@ -131,15 +130,14 @@ def a_goal(rng, x, scene):
         scene.remove(listed[-1])
 
 
-def core_of(robot, program, guidance, batch):
+def filter_of(robot, program, guidance, batch):
     """A filter of one plant, or of a batch."""
     model, axle, n_u, uncertainty, _, solver = ROBOTS[robot]
     u = Box.symmetric(3.0, n_u)
     plant = Plant(model, lambda *_: (), lambda *_: (), u, period=T, uncertainty=uncertainty,
                   axle=axle)  # fmt: skip
     led = {"kind": "geodesic", "through": 2} if guidance == "through" else guidance
-    settings = FilterSettings(program, "held", led, None, solver, "warn", True, {})
-    return FilterCore(plant, u, settings, batch)
+    return core_of(plant, program, batch, guidance=led, solver=solver)
 
 
 def estimate(rng, robot, x, t):
@@ -178,8 +176,8 @@ def compare_batch(seed, robot, program, guidance):
     """Filter one batch and as many single plants; return how often there was which status."""
     rng = np.random.default_rng([49, seed])
     x, scenes, goals = a_batch(rng, robot, guidance)
-    batch = core_of(robot, program, guidance, PLANTS)
-    one = core_of(robot, program, guidance, None)
+    batch = filter_of(robot, program, guidance, PLANTS)
+    one = filter_of(robot, program, guidance, None)
     counts = Counter()
     inputs = rng.uniform(-3.5, 3.5, (STEPS, PLANTS, ROBOTS[robot][2]))
     known = [estimate(rng, robot, x.copy(), 0.0)]

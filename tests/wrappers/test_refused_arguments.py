@@ -96,22 +96,6 @@ def test_a_step_before_the_first_reset_is_refused():
             env.step(np.zeros(env.action_space.shape))
 
 
-def test_the_environment_with_a_plant_given_by_hand_has_a_spec_to_make_it_from():
-    env = single()
-    plant = hcbf_gym.Plant(
-        model=models.DoubleIntegrator(),
-        barriers=lambda env, observation, info: env.scenario.barriers,
-        state=lambda env, observation, info: env.rom_state,
-        period=0.02,
-    )
-    env = wrappers.HoldAction(wrappers.SafetyFilter(env, "lex-cbf-qp", plant=plant), 5)
-    again = gym.make(env.spec)
-    assert again.get_wrapper_attr("plant") is plant
-    with pytest.raises((TypeError, ValueError), match="function"):
-        env.spec.to_json()
-    assert isinstance(env.spec, EnvSpec)
-
-
 @dataclass(frozen=True)
 class Ahead(Barrier):
     """x ≤ edge; two of them cannot be compared, as NumPy gives no truth to two booleans."""
