@@ -25,8 +25,7 @@ from hcbf_gym import (
 )
 from hcbf_gym.models import input_sets
 from hcbf_gym.scenarios.references import PointReference
-from hcbf_robots import maps
-from hcbf_robots.walkers.walker import Walker
+from hcbf_robots import Walker, maps
 
 try:
     import torch

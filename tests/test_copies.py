@@ -12,9 +12,9 @@ import pytest
 
 import hcbf_gym
 from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models import Box
 from hcbf_gym.wrappers import SafetyFilter, VectorInterventionPenalty, VectorSafetyFilter
-from hcbf_robots.online import VelocityFilter
+from hcbf_robots import VelocityFilter
 
 PERIOD, STEPS = 0.02, 60
 PLANTS = 128  # from which on two threads share a batch

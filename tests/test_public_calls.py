@@ -11,8 +11,8 @@ from gymnasium import spaces
 from gymnasium.wrappers.vector import DictInfoToList
 
 import hcbf_gym
-from hcbf_gym import barriers, estimation, models, programs, scenarios, wrappers
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym import HcbfError, barriers, estimation, models, programs, scenarios, wrappers
+from hcbf_gym.errors import InvalidInputError
 from tests import public_calls
 from tests.public_calls import Loose, torch
 

@@ -6,6 +6,7 @@ import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hcbf_gym import HcbfError
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
@@ -21,7 +22,6 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.errors import HcbfError
 from hcbf_gym.models import DoubleIntegrator, KinematicBicycle, SingleIntegrator, Unicycle
 
 BARRIERS: tuple[Barrier, ...] = (

@@ -6,15 +6,11 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym import wrappers
-from hcbf_gym.barriers import Barrier, Function, PlanarBarrier
-from hcbf_gym.barriers.barrier import Jet
-from hcbf_gym.barriers.class_k import LinearClassK
+from hcbf_gym import Plant, wrappers
+from hcbf_gym.barriers import Barrier, Function, Jet, LinearClassK, PlanarBarrier
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.control_affine import ControlAffine
-from hcbf_gym.models.plant import Plant, Reason
-from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from hcbf_gym.models import ControlAffine, DoubleIntegrator, Reason, SingleIntegrator
 from hcbf_gym.programs import FilterStatus
 from tests.worlds import World
 

@@ -22,7 +22,7 @@ from hcbf_gym.barriers import (
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.models.vehicles import Unicycle
+from hcbf_gym.models import Unicycle
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_robots import VelocityFilter

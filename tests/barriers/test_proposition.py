@@ -8,10 +8,16 @@ from hypothesis import strategies as st
 from benchmarks import proposition
 from benchmarks.proposition import Draw, Start
 from hcbf_gym import _core
-from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane, LogClassK, SpeedLimit
-from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.barriers import (
+    BarrierSet,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    LogClassK,
+    SpeedLimit,
+)
+from hcbf_gym.models import Box, Uncertainty
 
 PLAIN = Draw(0.02, LogClassK(), 2.0, Box.symmetric(5.0), 0.0, 0.0, "exact", (), False, "lex-cbf-qp")
 WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0), 0, (-1.0, 0.0, 0.0)

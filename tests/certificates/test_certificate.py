@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import certificates, models, version
+from hcbf_gym import Estimate, Plant, certificates, models, version
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import (
     BLOCK,
@@ -23,8 +23,7 @@ from hcbf_gym.certificates import (
 )
 from hcbf_gym.certificates.parts import vacuous
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Uncertainty
+from hcbf_gym.models import Axle, Coverage, CoveredBy, Uncertainty
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_lab.certification.mixture import SCENES
 from hcbf_robots import VelocityFilter

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.alone import ALONE
-from hcbf_gym import certificates, models, version
+from hcbf_gym import Estimate, Plant, certificates, models, version
 from hcbf_gym.barriers import Disc
 from hcbf_gym.certificates import judge
 from hcbf_gym.certificates.judge import words
 from hcbf_gym.errors import CoverageWarning
-from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant
+from hcbf_gym.models import Coverage, CoveredBy
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from tests.certificates.plants import Mass
 

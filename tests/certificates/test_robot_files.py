@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from hcbf_gym import certificates, wrappers
-from hcbf_gym.models.plant import Coverage
-from hcbf_robots import carts
-from hcbf_robots.walkers import Walker
+from hcbf_gym.models import Coverage
+from hcbf_robots import Walker, carts
 
 CARTS = Path(carts.__file__).parent
 INCLUDED = "<mujocoinclude><option timestep='0.002'/></mujocoinclude>"

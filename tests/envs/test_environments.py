@@ -14,8 +14,8 @@ from gymnasium.utils.env_checker import check_env
 from kinds import A1, CARTS, CODES, KINDS, ROM, WALKER, every, filtered, flat, make, only, run
 from needs import needs
 
-from hcbf_gym import scenarios, wrappers
-from hcbf_gym.errors import HcbfError, InvalidInputError, RenderingError, UnknownNameError
+from hcbf_gym import HcbfError, scenarios, wrappers
+from hcbf_gym.errors import InvalidInputError, RenderingError, UnknownNameError
 from hcbf_gym.programs import FilterStatus
 
 # Accelerations are in SI units and observations are unbounded, both on purpose.

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 
 from hcbf_gym import Plant, _core, scenarios, wrappers
-from hcbf_gym.barriers import SpeedLimit
-from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, RowSettings, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.models.plant import Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models import DoubleIntegrator, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import MapClass
 from tests.maps.floors import cells, on_map, room, true_distance

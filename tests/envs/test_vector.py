@@ -10,8 +10,7 @@ from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
 from hcbf_gym import _core, policies, scenarios, wrappers
-from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.envs.task import CONTROL_DT, PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import InvalidInputError
 from tests.pairs import pairwise

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from hcbf_gym import policies, programs, wrappers
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym import HcbfError, policies, programs, wrappers
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.command import column_names
 from hcbf_gym.evaluation.jobs import Runs, key

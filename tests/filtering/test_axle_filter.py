@@ -5,14 +5,11 @@ import sys
 import numpy as np
 import pytest
 
-from hcbf_gym import _core
+from hcbf_gym import Estimate, Plant, _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
 from hcbf_gym.barriers.speed_limit import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Reason, Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from hcbf_gym.models import Axle, Box, DoubleIntegrator, Reason, SingleIntegrator, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
 from tests.filtering.cores import core_of

@@ -5,10 +5,10 @@ import pytest
 from needs import needs
 
 import hcbf_gym
+from hcbf_gym import Estimate
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, Shapes, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Box, Reason
 from hcbf_gym.programs import FilterStatus
 from tests.worlds import OwnDisc
 

@@ -6,12 +6,10 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym import wrappers
-from hcbf_gym.barriers import Barrier, Disc, HalfPlane
-from hcbf_gym.barriers.barrier import Jet
+from hcbf_gym import Estimate, Plant, wrappers
+from hcbf_gym.barriers import Barrier, Disc, HalfPlane, Jet
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Estimate, Plant, Reason
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models import DoubleIntegrator, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Robot, VelocityFilter
 from tests.barriers.test_kinks import PERIOD, World

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import models
+from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import (
     BarrierSet,
     Disc,
@@ -14,9 +14,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Reason
+from hcbf_gym.models import Axle, Box, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap

@@ -11,8 +11,7 @@ from benchmarks import trackers
 from hcbf_gym import BatchFilter
 from hcbf_gym.barriers import Disc, Function, HalfPlane, Shapes
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.models import Box, Reason, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from tests.filtering.test_time_of_shapes import WAYS, T
 

@@ -7,14 +7,12 @@ by what the field declares, or it has no meaning and is refused.
 import numpy as np
 import pytest
 
-from hcbf_gym import models
+from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models import Axle, Box, Uncertainty
+from hcbf_robots import Response
 from hcbf_robots.walkers.walker_margins import uncertainty
-from hcbf_robots.walkers.walker_response import Response
 from tests.filtering.cores import core_of
 from tests.worlds import boat
 

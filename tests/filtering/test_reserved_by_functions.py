@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from hcbf_gym import models
+from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import Barrier, Disc, Jet
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models import Box, Uncertainty
 from tests.filtering.cores import core_of
 
 jax = pytest.importorskip("jax")

@@ -11,10 +11,8 @@ from needs import needs
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
 from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, Function, PlanarBarrier, Shapes
-from hcbf_gym.models import Estimate
-from hcbf_gym.models.input_sets import Box
-from hcbf_robots.online import Robot, VelocityFilter
-from hcbf_robots.walkers.walker_parts import Command
+from hcbf_gym.models import Box, Estimate
+from hcbf_robots import Command, Robot, VelocityFilter
 from tests.worlds import OwnDisc, World
 
 T = 0.05

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import models, programs
+from hcbf_gym import Estimate, Plant, models, programs
 from hcbf_gym.barriers import (
     Capsule,
     ConvexPolygon,
@@ -17,9 +17,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models import Axle, Box, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
 from tests.filtering.cores import core_of

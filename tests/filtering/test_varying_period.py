@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import models
+from hcbf_gym import Estimate, models
 from hcbf_gym.barriers import Disc
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Box, Reason
 from hcbf_gym.programs import FilterStatus
 
 PERIOD = 0.02

@@ -9,7 +9,7 @@ from hcbf_gym.barriers import Barrier, BarrierSet, CbfRows, HalfPlane, RowSettin
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.layers.flat import FlatFilter
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models import Box
 
 PROGRAMS = [
     ("lex-cbf-qp", {}),

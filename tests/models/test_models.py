@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hcbf_gym import _core
-from hcbf_gym.barriers import Disc, SpeedLimit
-from hcbf_gym.barriers.class_k import LinearClassK
-from hcbf_gym.barriers.general import GeneralRows
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym import HcbfError, _core
+from hcbf_gym.barriers import Disc, GeneralRows, LinearClassK, SpeedLimit
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import (
+    Axle,
     ControlAffine,
     DoubleIntegrator,
     KinematicBicycle,
@@ -21,7 +20,6 @@ from hcbf_gym.models import (
     Unicycle,
     clocks,
 )
-from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.clocks import AHEAD
 
 PENDULUM = ControlAffine(

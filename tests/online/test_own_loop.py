@@ -7,12 +7,20 @@ import numpy as np
 import pytest
 
 from hcbf_gym import certificates
-from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane, Shapes, SpeedLimit
+from hcbf_gym.barriers import (
+    BarrierSet,
+    Capsule,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    Shapes,
+    SpeedLimit,
+)
 from hcbf_gym.barriers.many import each
-from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
+from hcbf_gym.models import Reason
 from hcbf_gym.models.grid import Grid
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Response, Robot, VelocityFilter
 from hcbf_robots.maps import MapClass, RankedMap, Scan

@@ -16,7 +16,7 @@ from benchmarks.judges.judge import Judge
 from benchmarks.suites import verify_programs
 from hcbf_gym import _core, programs
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus, Plan, plans
 
 NAMES = programs.names()

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from needs import needs
 
+from hcbf_robots import Walker
 from hcbf_robots.maps import RankedMap
-from hcbf_robots.walkers import Walker
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from PIL import Image
 from scipy import ndimage
 
-from hcbf_gym import policies, scenarios, wrappers
+from hcbf_gym import HcbfError, policies, scenarios, wrappers
 from hcbf_gym.barriers import Disc
-from hcbf_gym.errors import HcbfError, InvalidInputError, UnknownNameError
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.scenarios.references import BezierReference
 from hcbf_robots.maps import Grid, MapClass, RankedMap, floor_plans
 from hcbf_robots.maps.floor_plans import APART, CLEAR, FOLDER, NAMES

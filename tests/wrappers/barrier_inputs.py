@@ -12,17 +12,13 @@ import gymnasium as gym
 import numpy as np
 
 import hcbf_gym
-from hcbf_gym import models, scenarios, wrappers
+from hcbf_gym import Estimate, models, scenarios, wrappers
 from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Jet, Shapes
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.models.plant import Estimate
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios.references import PointReference
-from hcbf_robots import maps
-from hcbf_robots.online import Robot, VelocityFilter
-from hcbf_robots.walkers.walker_parts import Command
-from hcbf_robots.walkers.walker_response import Response
+from hcbf_robots import Command, Response, Robot, VelocityFilter, maps
 
 T = 0.02
 LIMIT = 5.0

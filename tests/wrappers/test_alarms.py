@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from point_mass import AHEAD, DISC, PERIOD, filtered, quietly
 
-from hcbf_gym import barriers, wrappers
+from hcbf_gym import Estimate, barriers, wrappers
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 
 

@@ -27,7 +27,7 @@ from barrier_inputs import (
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from tests.pairs import pairwise
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import models, wrappers
+from hcbf_gym import Estimate, models, wrappers
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane, Jet
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from tests.worlds import World
 

@@ -10,7 +10,7 @@ import hcbf_gym
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Coverage, Reason
+from hcbf_gym.models import Coverage, Reason
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from tests.worlds import World
 

@@ -9,7 +9,7 @@ import hcbf_gym
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models import Box
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 PERIOD, N, LENGTH = 0.02, 6, 7

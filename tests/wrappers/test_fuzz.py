@@ -15,10 +15,9 @@ from hypothesis.extra import numpy as st_np
 
 import hcbf_gym
 import hcbf_robots
-from hcbf_gym import barriers, models, scenarios, wrappers
+from hcbf_gym import Estimate, HcbfError, barriers, models, scenarios, wrappers
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.errors import HcbfError
-from hcbf_gym.models.plant import Estimate, Uncertainty
+from hcbf_gym.models import Uncertainty
 from hcbf_gym.programs import FilterStatus
 
 PERIOD = 0.02

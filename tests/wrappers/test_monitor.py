@@ -8,15 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hcbf_gym
+from hcbf_gym import Estimate
 from hcbf_gym.models import (
     Box,
     ControlAffine,
     DoubleIntegrator,
     KinematicBicycle,
+    Reason,
     SingleIntegrator,
     Unicycle,
 )
-from hcbf_gym.models.plant import Estimate, Reason
 from hcbf_gym.wrappers import SafetyFilter
 from tests.worlds import World
 

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from hcbf_gym import BatchFilter, Plant, models, wrappers
-from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.general import GeneralRows
+from hcbf_gym.barriers import BarrierSet, Disc, GeneralRows, LinearClassK, LogClassK, PlanarBarrier
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.prepared import Prepared, prepared
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Coverage
+from hcbf_gym.models import Coverage
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
 from tests.worlds import World

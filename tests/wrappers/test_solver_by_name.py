@@ -4,11 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import models, wrappers
+from hcbf_gym import Estimate, Plant, models, wrappers
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models import Axle, DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from hcbf_robots.maps import MapClass

@@ -10,8 +10,7 @@ import pytest
 import hcbf_gym  # noqa: F401 - registers the environments
 from hcbf_gym.barriers import Disc, HalfPlane, PlanarBarrier
 from hcbf_gym.filter import report
-from hcbf_gym.models import DoubleIntegrator
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.models import DoubleIntegrator, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from tests.worlds import OwnDisc

@@ -6,10 +6,10 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import hcbf_gym
-from hcbf_gym import models
+from hcbf_gym import Estimate, models
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import VectorSafetyFilter
 from hcbf_gym.wrappers.infos import joined, reported
