@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym.barriers import PlanarBarrier
+from hcbf_gym.barriers import Barrier, Jet, PlanarBarrier
 from hcbf_gym.models import ControlAffine, DoubleIntegrator
 
 
@@ -54,6 +54,20 @@ class OwnDisc(PlanarBarrier):
         distance = np.linalg.norm(away)
         n = away / distance
         return float(distance - self.radius), n, (np.eye(2) - np.outer(n, n)) / distance
+
+
+@dataclass(frozen=True)
+class OwnLinear(Barrier):
+    """h = c + s·x of a user's own, of any states; c or s may be NaN."""
+
+    slope: tuple[float, ...] = ()
+    constant: float = 0.0
+
+    def jet(self, x, t=0.0):
+        slope = np.array(self.slope)
+        zero = np.zeros(len(x))
+        h = float(self.constant + slope @ x)
+        return Jet(h, slope, np.zeros((len(x), len(x))), 0.0, zero, 0.0)
 
 
 def boat():

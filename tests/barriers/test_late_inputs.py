@@ -14,7 +14,7 @@ from hcbf_gym.barriers.convexity import is_convex, warn_of_concave
 from hcbf_gym.barriers.late_inputs import LateInputs, links_of
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.models import Box, ControlAffine, DoubleIntegrator, KinematicBicycle, Unicycle
-from tests.worlds import World
+from tests.worlds import OwnLinear, World
 
 DISC, WALL = Disc("disc", 1, center=(3.0, 0.0)), HalfPlane("wall", 1, (-1.0, 0.0), -2.0)
 
@@ -43,17 +43,6 @@ def followed():
 
 
 @dataclass(frozen=True)
-class Linear(Barrier):
-    """h = c·x + 1, of any states."""
-
-    slope: tuple[float, ...] = ()
-
-    def jet(self, x, t=0.0):
-        zero = np.zeros(x.size)
-        return Jet(1.0 + np.dot(self.slope, x), np.array(self.slope), np.diag(zero), 0.0, zero, 0.0)
-
-
-@dataclass(frozen=True)
 class Apart(Barrier):
     """A metre away from the agent in x[2:4]."""
 
@@ -76,7 +65,11 @@ def late_in(model, barriers):
         (KinematicBicycle(), DISC, r"u\[1\].*derivative 1.*u\[0\] by derivative 2"),
         (Unicycle(), DISC, r"u\[0\].*derivative 1.*u\[1\] by derivative 2"),
         (quadrotor(), WALL, r"u\[0\].*derivative 2.*u\[1\] by derivative 4"),
-        (DoubleIntegrator(), Linear("mixed", 1, (0.0, 1.0, -1.0, 0.0)), r"u\[1\] by derivative 2"),
+        (
+            DoubleIntegrator(),
+            OwnLinear("mixed", 1, (0.0, 1.0, -1.0, 0.0)),
+            r"u\[1\] by derivative 2",
+        ),
     ],
     ids=["bicycle", "unicycle", "quadrotor", "own barrier of a point"],
 )
@@ -96,11 +89,14 @@ def test_it_is_refused_with_the_input_its_derivative_and_the_remedy(model, barri
     [
         (DoubleIntegrator(), HalfPlane("wall", 1, (1.0, 0.0))),
         (DoubleIntegrator(drag=0.3), DISC),
-        (DoubleIntegrator(3), Linear("ceiling", 1, (0.0, 0.0, -1.0, 0.0, 0.0, 0.0))),
-        (models.SingleIntegrator(6), Linear("first joints", 1, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0))),
+        (DoubleIntegrator(3), OwnLinear("ceiling", 1, (0.0, 0.0, -1.0, 0.0, 0.0, 0.0))),
+        (
+            models.SingleIntegrator(6),
+            OwnLinear("first joints", 1, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0)),
+        ),
         (followed(), Apart("agent", 1)),
-        (KinematicBicycle(), Linear("speed", 1, (0.0, 0.0, 0.0, -1.0))),
-        (Unicycle(), Linear("heading", 1, (0.0, 0.0, 1.0))),
+        (KinematicBicycle(), OwnLinear("speed", 1, (0.0, 0.0, 0.0, -1.0))),
+        (Unicycle(), OwnLinear("heading", 1, (0.0, 0.0, 1.0))),
     ],
     ids=lambda value: getattr(value, "name", type(value).__name__),
 )

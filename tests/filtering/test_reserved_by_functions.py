@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from hcbf_gym import Estimate, Plant, models
-from hcbf_gym.barriers import Barrier, Disc, Jet
+from hcbf_gym.barriers import Disc
 from hcbf_gym.models import Box, Uncertainty
 from tests.filtering.cores import core_of
+from tests.worlds import OwnLinear
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -20,20 +21,12 @@ P = ROOT @ ROOT.T
 MODELS = {"planar": models.DoubleIntegrator(), "drag": models.DoubleIntegrator(drag=0.5)}
 
 
-class Linear(Barrier):
-    """h = 2 − 3 x₀ − 0.5 v₁, in NumPy."""
-
-    def jet(self, x, t=0.0):
-        gradient = np.array([-3.0, 0.0, 0.0, -0.5])
-        return Jet(float(9.0 + gradient @ x), gradient, np.zeros((4, 4)), 0.0, np.zeros(4), 0.0)
-
-
 H = {
     "twice as steep": Function("steep", 1, lambda x, t: 2.0 * (4.0 - jnp.hypot(x[0], x[1]))),
     "half as steep": Function("flat", 2, lambda x, t: 0.5 * (4.0 - x[0])),
     "speed": Function("speed", 1, lambda x, t: 4.0 - x[2] ** 2 - x[3] ** 2),
     "braking distance": Function("brakes", 1, lambda x, t: 4.0 - x[0] - 0.5 * x[2] ** 2),
-    "own class": Linear("own", 1),
+    "own class": OwnLinear("own", 1, (-3.0, 0.0, 0.0, -0.5), 9.0),
 }
 
 

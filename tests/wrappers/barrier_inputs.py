@@ -13,7 +13,7 @@ import numpy as np
 
 import hcbf_gym
 from hcbf_gym import Estimate, models, scenarios, wrappers
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Jet, Shapes
+from hcbf_gym.barriers import ConvexPolygon, Disc, Shapes
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.programs import FilterStatus
@@ -307,15 +307,6 @@ class Driven:
         command, report = self.filter.step(wanted, pose, twist, reported.time, now)
         world.move(np.clip((command[:2] - world.x[2:]) / T, -LIMIT, LIMIT))
         return report
-
-
-@dataclass(frozen=True)
-class Broken(Barrier):
-    """A condition of one's own whose derivatives are no numbers."""
-
-    def jet(self, x, t=0.0):
-        n = len(x)
-        return Jet(1.0, np.full(n, np.nan), np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
 
 
 def quietly(call, *arguments):

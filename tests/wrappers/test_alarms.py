@@ -9,17 +9,13 @@ from hcbf_gym import Estimate, barriers, wrappers
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
-
-
-class Own(barriers.PlanarBarrier):
-    """A user's own wall."""
-
-    def planar_jet(self, q):
-        return q[1] + 3.0, np.array([0.0, 1.0]), np.zeros((2, 2))
+from tests.worlds import OwnDisc
 
 
 def test_an_action_that_is_refused_is_no_step():
-    env = filtered(lambda x: Estimate(x, time=env.unwrapped.clock), listed=(Own("own", 1),))
+    env = filtered(
+        lambda x: Estimate(x, time=env.unwrapped.clock), listed=(OwnDisc("own", 1, (0.0, 9.0)),)
+    )
     env.unwrapped.clock = 0.0
     env.reset(seed=0)
     for _ in range(3):

@@ -14,7 +14,6 @@ from barrier_inputs import (
     FAR,
     INPUTS,
     Batched,
-    Broken,
     Changed,
     Driven,
     Scene,
@@ -30,6 +29,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from tests.pairs import pairwise
+from tests.worlds import OwnLinear
 
 CORES = ("compiled", "daqp", "clarabel", "drag", "no period", "vector", "velocity filter")
 
@@ -242,10 +242,10 @@ FAULTS = {
     "skew covariance": of_state(lambda e: e._replace(covariance=SKEW), Reason.STATE),
     "indefinite covariance": of_state(lambda e: e._replace(covariance=INDEFINITE), Reason.STATE),
     "raises": raises,
-    "bad row": of_barriers(Broken("broken", 1)),
+    "bad row": of_barriers(OwnLinear("broken", 1, 4 * (np.nan,))),
     "limit": of_barriers(SpeedLimit("limit", 1, 0.05)),
     "limit after an alarm": after_an_alarm(of_barriers(SpeedLimit("limit", 1, 0.05))),
-    "bad row after an alarm": after_an_alarm(of_barriers(Broken("broken", 1))),
+    "bad row after an alarm": after_an_alarm(of_barriers(OwnLinear("broken", 1, 4 * (np.nan,)))),
     "news much too near": news_too_near(0.3),
     "news too near": news_too_near(1.1),
     "after BACKUP, much too near": after_backup(0.3),

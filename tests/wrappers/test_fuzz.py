@@ -19,6 +19,7 @@ from hcbf_gym import Estimate, HcbfError, barriers, models, scenarios, wrappers
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
 from hcbf_gym.models import Uncertainty
 from hcbf_gym.programs import FilterStatus
+from tests.worlds import World
 
 PERIOD = 0.02
 GOOD = np.array([0.1, -0.2, 0.4, 0.3])
@@ -169,19 +170,17 @@ listed = st.one_of(
 )
 
 
-class Point(gym.Env):
+class Point(World):
     """A point at rest; what matters is what the filter gets."""
 
-    action_space = gym.spaces.Box(-5.0, 5.0, (2,), np.float64)
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
+    def step(self, action):
+        assert np.isfinite(action).all()
+        assert (np.abs(action) <= 5.0 + 1e-9).all()
+        return super().step(action)
 
-    def reset(self, *, seed=None, options=None):
-        return GOOD.copy(), {}
 
-    def step(self, u):
-        assert np.isfinite(u).all()
-        assert (np.abs(u) <= 5.0 + 1e-9).all()
-        return GOOD.copy(), 0.0, False, False, {}
+def point():
+    return Point(start=GOOD)
 
 
 def is_sound(reported) -> bool:
@@ -224,7 +223,7 @@ def test_states(reported, from_the_start, core):
     model, solver = CORES[core]
     sees = iter([reported] * 9 if from_the_start else [GOOD, GOOD, *[reported] * 7])
     plant = hcbf_gym.Plant(model, (WALL,), lambda *_: next(sees), period=PERIOD, max_age=0.1)
-    env = wrappers.SafetyFilter(Point(), plant=plant, solver=solver)
+    env = wrappers.SafetyFilter(point(), plant=plant, solver=solver)
     reports = drive(env, reported)
     if not is_sound(reported):
         assert reports[-1]["status"] == FilterStatus.BACKUP, reports[-1]
@@ -236,7 +235,7 @@ def test_barriers(reported, reader, core):
     model, solver = CORES[core]
     given_barriers = (lambda *_: reported) if reader else reported
     plant = hcbf_gym.Plant(model, given_barriers, lambda *_: GOOD.copy(), period=PERIOD)
-    reports = drive(wrappers.SafetyFilter(Point(), plant=plant, solver=solver), reported)
+    reports = drive(wrappers.SafetyFilter(point(), plant=plant, solver=solver), reported)
     if not isinstance(reported, list | tuple) or any(b is None for b in reported):
         assert reports[-1]["status"] == FilterStatus.BACKUP
 
@@ -262,7 +261,7 @@ PLANT = ("period", "brake", "max_age", "goal", "extent", "covered", "on_alarm", 
 def test_fields_of_a_plant(name, reported, guidance):
     fields: dict = {"period": PERIOD, "goal": (2.0, 0.0)} | {name: reported}
     made = hcbf_gym.Plant(models.DoubleIntegrator(), (WALL,), lambda *_: GOOD.copy(), **fields)
-    drive(wrappers.SafetyFilter(Point(), plant=made, guidance=guidance), reported)
+    drive(wrappers.SafetyFilter(point(), plant=made, guidance=guidance), reported)
 
 
 FILTER = ("rows", "margin", "gamma0", "delta_gamma", "lambda_u", "alpha1", "alpha2", "on_alarm")
@@ -402,7 +401,7 @@ def test_goals_extents_and_states_under_guidance(goal, reported, extent, guidanc
         goal=goal,
         extent=extent,
     )
-    env = wrappers.SafetyFilter(Point(), plant=plant, guidance=guidance, solver=solver)
+    env = wrappers.SafetyFilter(point(), plant=plant, guidance=guidance, solver=solver)
     for _ in range(resets):
         with contextlib.suppress(HcbfError):
             env.reset(seed=0)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from hcbf_gym import BatchFilter, Plant, models, wrappers
-from hcbf_gym.barriers import BarrierSet, Disc, GeneralRows, LinearClassK, LogClassK, PlanarBarrier
+from hcbf_gym.barriers import BarrierSet, Disc, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.prepared import Prepared, prepared
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Coverage
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
-from tests.worlds import World
+from tests.worlds import OwnDisc, World
 
 MODELS = (models.DoubleIntegrator(), models.SingleIntegrator(), models.Unicycle())
 
@@ -178,19 +178,10 @@ def HERE(some):  # noqa: N802
     return np.tile([0.5, 0.0, 0.0, 0.0], (count, 1)), np.zeros(count)
 
 
-class Own(PlanarBarrier):
-    """A wall of one's own."""
-
-    at = 0.0
-
-    def planar_jet(self, q):
-        return self.at - q[0], np.array([-1.0, 0.0]), np.zeros((2, 2))
-
-
 def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
     """Whatever the other requests between two lines."""
     rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
-    mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
+    mine, others = [(OwnDisc("mine", 1),)], [(OwnDisc("another's", 1),)]
     compare = Prepared.is_of
 
     def interrupted(one, other):
