@@ -51,6 +51,15 @@ def state(env, observation, info):
     return Estimate(np.array(observation))
 
 
+def mass(limit=3.0, **fields):
+    """Return the plant of a point at rest."""
+    return Plant(
+        models.DoubleIntegrator(), [Disc("disc", 1, (3.0, 0.0), 0.5)],
+        lambda env, observation, info: Estimate(np.zeros(4)), models.Box.symmetric(limit),
+        period=0.02, **fields,
+    )  # fmt: skip
+
+
 BASE = Plant(
     models.DoubleIntegrator(),
     [Disc("disc", 1, (3.0, 0.0), 0.5)],
