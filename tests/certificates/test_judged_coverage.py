@@ -181,7 +181,7 @@ WAYS = {
     "a batch": (batch, 1, CoveredBy.NONE),
     "a batch's rows": (lambda: batch(rows="usual"), 0, CoveredBy.FILTER),
     "another plant": (lambda: SafetyFilter(e := regions(), plant=moved(e)), 0, CoveredBy.PLANT),
-    "a plant of one's own": (lambda: SafetyFilter(Mass(), plant=mass(covered=0)), 0, CoveredBy.UNKNOWN),
+    "a plant of one's own": (lambda: SafetyFilter(Mass(), plant=mass()), 0, CoveredBy.UNKNOWN),
     "one that states 1": (lambda: SafetyFilter(Mass(), plant=mass(covered=1)), 1, CoveredBy.NONE),
     "one that states 2": (lambda: SafetyFilter(Mass(), plant=mass(covered=2)), 2, CoveredBy.SCENE),
     "a certificate": (lambda: SafetyFilter(cart(), certificate="cart"), 1, CoveredBy.NONE),
