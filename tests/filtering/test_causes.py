@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from hcbf_gym import Estimate, Plant, wrappers
-from hcbf_gym.barriers import Barrier, Disc, HalfPlane, Jet
-from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.barriers import Barrier, Disc, Jet
 from hcbf_gym.models import DoubleIntegrator, Reason
 from hcbf_gym.programs import FilterStatus
-from hcbf_robots import Command, Robot, VelocityFilter
 from tests.barriers.test_kinks import PERIOD, World
 
 FAR = Disc("far", 1, center=(50.0, 0.0), radius=1.0)
@@ -108,16 +106,3 @@ def test_a_derivative_that_is_nan_at_one_state_alone_is_taken_beside_it(model, n
     with pytest.warns(UserWarning, match="beside"):
         _, info = env.reset()
     assert info["safety_filter"]["reason"] == Reason.NONE
-
-
-@pytest.mark.parametrize(
-    ("stamp", "now", "part"),
-    [(9.0, 10.0, "1.00 s old, at most 0.1 s"), (12.0, 10.0, "2.00 s ahead")],
-)
-def test_a_stamp_of_odometry_that_is_old_or_ahead_is_named(stamp, now, part):
-    wall = HalfPlane("wall", 1, (-1.0, 0.0), -3.0)
-    filt = VelocityFilter(Robot(Command(0.5, 1.0, sideways=0.5)), [wall])
-    with pytest.warns(SafetyWarning) as caught:
-        _, report = filt.step(np.zeros(3), np.zeros(3), np.zeros(3), stamp, now)
-    assert report["reason"] == Reason.AGE
-    assert part in " ".join(str(one.message) for one in caught)
