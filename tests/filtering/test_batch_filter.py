@@ -5,7 +5,7 @@ import pytest
 from needs import needs
 
 import hcbf_gym
-from hcbf_gym import Estimate
+from hcbf_gym import Estimate, programs
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, Shapes, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models import Box, Reason
@@ -74,14 +74,19 @@ def test_a_batch_is_as_many_single_filters(program, threads):
     count = 150
     x, numbers = drawn(0, count)
     scenes = listed(numbers)
-    batch = hcbf_gym.BatchFilter(U, PERIOD, count, program, threads=threads)
+    rng = np.random.default_rng(1)
+    weights, own = {}, [{}] * count
+    if "gamma0" in programs.options(program):
+        gamma0, delta = 10.0 ** rng.uniform(-1.0, 2.0, (count, 2)), rng.uniform(0.0, 2.0, count)
+        weights = {"gamma0": gamma0, "delta_gamma": delta[:, None]}
+        own = [{"gamma0": gamma0[i], "delta_gamma": delta[i]} for i in range(count)]
+    batch = hcbf_gym.BatchFilter(U, PERIOD, count, program, threads=threads, **weights)
     batch.set_scene(arrays(numbers))
-    singles = [hcbf_gym.BatchFilter(U, PERIOD, None, program) for _ in range(count)]
+    singles = [hcbf_gym.BatchFilter(U, PERIOD, None, program, **one) for one in own]
     begun = batch.reset(x=x)
     for i, one in enumerate(singles):
         one.set_scene(scenes[i])
         same(one.reset(x=x[i]), {key: value[i] for key, value in begun.items()})
-    rng = np.random.default_rng(1)
     statuses = set()
     for _ in range(12):
         wanted = rng.uniform(-6.0, 6.0, (count, 2))
