@@ -328,7 +328,7 @@ def discs(values, velocity=(0.0, 0.0)):
         (lambda: [discs([[0.0, np.nan, 1.0]])], "finite"),
         (lambda: [discs("discs")], "numbers"),
         (lambda: [Shapes("a", 1, "half-plane", [[1.0, 1.0, 0.0]])], "expected 1"),
-        (lambda: [Shapes("a", 1, "convex-polygon", [[[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]])], ""),
+        (lambda: [Shapes("a", 1, "convex-polygon", [[[0, 0], [0, 1], [1, 0]]])], "counter"),
         (lambda: [SpeedLimit("cap", 1, 0.01)], "speed limit"),
     ],
 )
