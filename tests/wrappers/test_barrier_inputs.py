@@ -19,7 +19,7 @@ from barrier_inputs import (
     Scene,
     Single,
     T,
-    World,
+    Truth,
     quietly,
 )  # fmt: skip
 
@@ -51,7 +51,7 @@ def filter_of(name, core, world, **options):
 
 def world_of(core, **fields):
     drag = {"model": models.DoubleIntegrator(drag=0.1)} if core == "drag" else {}
-    return World(**drag, **fields)
+    return Truth(**drag, **fields)
 
 
 class Run:
