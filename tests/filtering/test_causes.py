@@ -10,8 +10,9 @@ from hcbf_gym import Estimate, Plant, wrappers
 from hcbf_gym.barriers import Barrier, Disc, Jet
 from hcbf_gym.models import DoubleIntegrator, Reason
 from hcbf_gym.programs import FilterStatus
-from tests.barriers.test_kinks import PERIOD, World
+from tests.worlds import World
 
+PERIOD = 0.05
 FAR = Disc("far", 1, center=(50.0, 0.0), radius=1.0)
 MODELS = {"planar": DoubleIntegrator(), "drag": DoubleIntegrator(drag=0.5)}
 
@@ -28,7 +29,7 @@ def answers(model, estimates, barriers=(FAR,), **options):
     plant = Plant(model, list(barriers), state, period=PERIOD, **options)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        env = wrappers.SafetyFilter(World(model, np.zeros(4)), plant=plant)
+        env = wrappers.SafetyFilter(World(model, PERIOD), plant=plant)
         _, info = env.reset()
         for _ in estimates:
             *_, info = env.step(np.zeros(2))
@@ -102,7 +103,7 @@ def test_barriers_name_the_one_its_part_and_the_state(model, name, part):
 @pytest.mark.parametrize("model", MODELS)
 def test_a_derivative_that_is_nan_at_one_state_alone_is_taken_beside_it(model, name):
     plant = Plant(MODELS[model], [Broken(name, 1)], lambda env, x, info: x, period=PERIOD)
-    env = wrappers.SafetyFilter(World(MODELS[model], np.zeros(4)), plant=plant)
+    env = wrappers.SafetyFilter(World(MODELS[model], PERIOD), plant=plant)
     with pytest.warns(UserWarning, match="beside"):
         _, info = env.reset()
     assert info["safety_filter"]["reason"] == Reason.NONE
