@@ -30,7 +30,9 @@ OTHERS = (
 STACKS = ("bare", "filter", "penalty", "held")
 CASES = pairwise(
     (*SCENES, *OTHERS), STACKS, MODES,
-    allowed=lambda scene, stack, _: scene in SCENES or stack == "bare",
+    allowed=lambda scene, stack, _: (
+        scene in SCENES or stack == "bare" or (scene, stack) == ("map-flat", "filter")
+    ),
 )  # fmt: skip
 HELD = 4  # does not divide the limit
 
