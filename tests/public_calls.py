@@ -25,8 +25,8 @@ from hcbf_gym import (
 )
 from hcbf_gym.models import input_sets
 from hcbf_gym.scenarios.references import PointReference
-from hcbf_robots import maps
-from hcbf_robots.walkers.walker import Walker
+from hcbf_robots import Walker, maps
+from tests.worlds import World
 
 try:
     import torch
@@ -108,22 +108,11 @@ def hostile() -> dict[str, Any]:
     return values
 
 
-class Loose(gym.Env):
-    """A double integrator of a user's own."""
-
-    observation_space = spaces.Box(-np.inf, np.inf, (4,), np.float64)
-
-    def __init__(self, space: spaces.Space | None = None):
-        self.action_space = spaces.Box(-5.0, 5.0, (2,), np.float64) if space is None else space
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.zeros(4)
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.x = models.DoubleIntegrator().step(self.x, np.asarray(action, np.float64), 0.02)
-        return self.x.copy(), 0.0, False, False, {}
+def loose(space: spaces.Space | None = None) -> World:
+    """Return a double integrator of a user's own."""
+    env = World(period=0.02)
+    env.action_space = env.action_space if space is None else space
+    return env
 
 
 def state(env, observation, info):
@@ -165,7 +154,7 @@ def batch(**options) -> hcbf_gym.BatchFilter:
 
 
 def filtered(**options) -> gym.Env:
-    env = wrappers.SafetyFilter(Loose(), plant=PLANT, **options)
+    env = wrappers.SafetyFilter(loose(), plant=PLANT, **options)
     env.reset(seed=0)
     return env
 
@@ -198,7 +187,7 @@ def stepped(env):
 
 
 def of_space(space):
-    return wrappers.SafetyFilter(Loose(space), plant=PLANT)
+    return wrappers.SafetyFilter(loose(space), plant=PLANT)
 
 
 def calls() -> dict[str, Call]:
@@ -225,7 +214,7 @@ def calls() -> dict[str, Call]:
             model=models.DoubleIntegrator(), barriers=[DISC], state=state,
         )),
         "SafetyFilter": Call(wrappers.SafetyFilter, given(
-            env=Loose(), program="lex-cbf-qp", plant=PLANT, rows="held", guidance=None, margin=0.0,
+            env=loose(), program="lex-cbf-qp", plant=PLANT, rows="held", guidance=None, margin=0.0,
             solver=None, on_alarm="warn", allow_late_inputs=False, certificate=None, alpha1=1.0,
             alpha2=2.0, lambda_u=1.0, weights=[None, 1.0], delta_gamma=0.0,
         )),
@@ -243,7 +232,7 @@ def calls() -> dict[str, Call]:
             lambda **o: gym.make("HCBF-Regions-v0", disable_env_checker=True, **o),
             given(scenario="random"),
         ),
-        "HoldAction": Call(wrappers.HoldAction, given(env=Loose(), steps=2)),
+        "HoldAction": Call(wrappers.HoldAction, given(env=loose(), steps=2)),
         "VectorHoldAction": Call(wrappers.VectorHoldAction, given(
             env=native(autoreset_mode="Disabled"), steps=2,
         )),

@@ -12,9 +12,9 @@ import pytest
 
 import hcbf_gym
 from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
-from hcbf_robots.online import VelocityFilter
+from hcbf_gym.models import Box
+from hcbf_gym.wrappers import SafetyFilter, VectorInterventionPenalty, VectorSafetyFilter
+from hcbf_robots import VelocityFilter
 
 PERIOD, STEPS = 0.02, 60
 PLANTS = 128  # from which on two threads share a batch
@@ -93,7 +93,10 @@ def local():
 
 
 def native():
-    env = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random"))
+    robots = gym.make_vec(
+        "HCBF-Regions-v0", num_envs=3, scenario="random", max_episode_steps=STEPS // 2
+    )  # whose next scenes are drawn within the steps of a copy
+    env = VectorInterventionPenalty(VectorSafetyFilter(robots))
     env.reset(seed=3)
     return Env(env, np.full((3, 2), 1.5, np.float32))
 

@@ -11,14 +11,11 @@ import pytest
 
 import hcbf_gym
 from benchmarks import gpu
-from hcbf_gym import _core, sources
+from hcbf_gym import HcbfError, _core, sources
 from hcbf_gym.arrays import record_type
-from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.errors import HcbfError
+from hcbf_gym.barriers import Disc, HalfPlane, LinearClassK, LogClassK
 from hcbf_gym.locomotion.state import RobotState
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models import Axle, Box
 
 ROOT = Path(__file__).parents[1]
 INCLUDE = ROOT / "core" / "include"

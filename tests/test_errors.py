@@ -10,8 +10,8 @@ from PIL import Image
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, warned_once
-from hcbf_gym.estimation.sensors import Sensors
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.estimation import Sensors
+from hcbf_gym.models import Box
 from hcbf_gym.scenarios import BoxObstacle
 from hcbf_robots import Command, Robot, VelocityFilter
 from hcbf_robots.maps import RankedMap

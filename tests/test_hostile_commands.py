@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import pytest
 from tyro.conf import Positional
 
-from hcbf_gym import cli, records
+from hcbf_gym import HcbfError, cli, records
 from hcbf_gym.arguments import Output, Range, check
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.errors import InvalidInputError
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -11,10 +11,10 @@ from gymnasium import spaces
 from gymnasium.wrappers.vector import DictInfoToList
 
 import hcbf_gym
-from hcbf_gym import barriers, estimation, models, programs, scenarios, wrappers
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym import HcbfError, barriers, estimation, models, programs, scenarios, wrappers
+from hcbf_gym.errors import InvalidInputError
 from tests import public_calls
-from tests.public_calls import Loose, torch
+from tests.public_calls import loose, torch
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -175,7 +175,7 @@ def test_an_action_space_that_cannot_hold_u_is_refused(space, input_set):
         models.DoubleIntegrator(), [public_calls.DISC], public_calls.state, input_set, period=0.02
     )
     with pytest.raises(InvalidInputError, match=r"action space|inputs: got"):
-        wrappers.SafetyFilter(Loose(space), plant=plant)
+        wrappers.SafetyFilter(loose(space), plant=plant)
 
 
 def test_actions_of_any_space_are_translated():
@@ -184,7 +184,7 @@ def test_actions_of_any_space_are_translated():
         models.Box.symmetric(5.0), period=0.02, to_action=np.asarray,
         from_action=lambda action: np.array([[1.0, 0.0], [0.0, 1.0]])[action],
     )  # fmt: skip
-    env = wrappers.SafetyFilter(Loose(spaces.Discrete(2)), plant=plant)
+    env = wrappers.SafetyFilter(loose(spaces.Discrete(2)), plant=plant)
     env.reset(seed=0)
     *_, info = env.step(1)
     np.testing.assert_array_equal(info["safety_filter"]["u_nominal"], [0.0, 1.0])

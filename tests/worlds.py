@@ -1,8 +1,11 @@
 """Environments of the filters' tests: plants that are their model, in a loop or at rest."""
 
+from dataclasses import dataclass
+
 import gymnasium as gym
 import numpy as np
 
+from hcbf_gym.barriers import Barrier, Jet, PlanarBarrier
 from hcbf_gym.models import ControlAffine, DoubleIntegrator
 
 
@@ -38,9 +41,33 @@ class World(gym.Env):
         return self.x if self.period is None else self.model.step(self.x, u, self.period)
 
 
-def read_x(env, observation, info):
-    """Return the state, as a plant's reader."""
-    return env.x.copy()
+@dataclass(frozen=True)
+class OwnDisc(PlanarBarrier):
+    """A disc of a user's own, without a core."""
+
+    center: tuple[float, float] = (0.0, 0.0)
+    radius: float = 0.5
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+    def planar_jet(self, q):
+        away = q - np.array(self.center)
+        distance = np.linalg.norm(away)
+        n = away / distance
+        return float(distance - self.radius), n, (np.eye(2) - np.outer(n, n)) / distance
+
+
+@dataclass(frozen=True)
+class OwnLinear(Barrier):
+    """h = c + s·x of a user's own, of any states; c or s may be NaN."""
+
+    slope: tuple[float, ...] = ()
+    constant: float = 0.0
+
+    def jet(self, x, t=0.0):
+        slope = np.array(self.slope)
+        zero = np.zeros(len(x))
+        h = float(self.constant + slope @ x)
+        return Jet(h, slope, np.zeros((len(x), len(x))), 0.0, zero, 0.0)
 
 
 def boat():

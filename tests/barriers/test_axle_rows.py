@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hcbf_gym import _core
-from hcbf_gym.barriers import LinearClassK, LogClassK, axle_rows
-from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.models.axle import Axle
+from hcbf_gym.barriers import LinearClassK, LogClassK, RowSettings, axle_rows
+from hcbf_gym.models import Axle
 
 CARTS = (
     Axle(look_ahead=0.25, forward=1.2, turn=2.5, braking=1.5),

@@ -6,6 +6,7 @@ import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hcbf_gym import HcbfError
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
@@ -21,7 +22,6 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.errors import HcbfError
 from hcbf_gym.models import DoubleIntegrator, KinematicBicycle, SingleIntegrator, Unicycle
 
 BARRIERS: tuple[Barrier, ...] = (
@@ -157,7 +157,7 @@ def test_a_region_has_a_gradient_even_at_its_centre():
         lambda: Disc("d", 1.5),
         lambda: Disc("d", 1, center=(np.nan, 0.0)),
         lambda: Disc("d", 1, center=(0.0, 0.0, 0.0)),
-        lambda: HalfPlane("w", 1, normal=(1.0, 1.0)),
+        *(lambda s=s: HalfPlane("w", 1, normal=(s, s)) for s in (0.0, 1.0, 1.1, 1e200, 1e308)),
         lambda: Ellipse("e", 1, semi_axes=(1.0, 0.0)),
         lambda: ConvexPolygon("p", 1, vertices=((0, 0), (0, 1), (1, 0))),
         lambda: ConvexPolygon("p", 1, vertices=((0, 0), (1, 0))),

@@ -5,14 +5,21 @@ import numpy as np
 import pytest
 
 from hcbf_gym import scenarios, wrappers
-from hcbf_gym.barriers import Disc, Ellipse, HalfPlane, SpeedLimit, braking
+from hcbf_gym.barriers import (
+    BarrierSet,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    LinearClassK,
+    LogClassK,
+    RowSettings,
+    SpeedLimit,
+    braking,
+)
 from hcbf_gym.barriers.braking import check_limits
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models import Ball, Box
 
 PERIOD = 0.02
 POND = Disc("pond", 1, (3.0, 0.0), 1.0)

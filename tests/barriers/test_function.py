@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 from needs import remedy
 
-from hcbf_gym.barriers import Disc, Function, HalfPlane, SpeedLimit
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.general import GeneralRows
-from hcbf_gym.errors import HcbfError, InvalidInputError, MissingDependencyError, SafetyWarning
+from hcbf_gym import HcbfError
+from hcbf_gym.barriers import (
+    Disc,
+    Function,
+    GeneralRows,
+    HalfPlane,
+    LinearClassK,
+    LogClassK,
+    SpeedLimit,
+)
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, SafetyWarning
 from hcbf_gym.models import (
     ControlAffine,
     DoubleIntegrator,

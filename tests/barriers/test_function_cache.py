@@ -11,8 +11,7 @@ from needs import remedy
 jax = pytest.importorskip("jax", reason=remedy("jax"))
 jnp = jax.numpy
 
-from hcbf_gym.barriers import Function, LinearClassK, function_cache  # noqa: E402
-from hcbf_gym.barriers.general import GeneralRows  # noqa: E402
+from hcbf_gym.barriers import Function, GeneralRows, LinearClassK, function_cache  # noqa: E402
 from hcbf_gym.errors import InvalidInputError  # noqa: E402
 from hcbf_gym.models import SingleIntegrator, autodiff  # noqa: E402
 

@@ -3,20 +3,16 @@
 import math
 import warnings
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import wrappers
-from hcbf_gym.barriers import Barrier, Function, PlanarBarrier
-from hcbf_gym.barriers.barrier import Jet
-from hcbf_gym.barriers.class_k import LinearClassK
+from hcbf_gym import Plant, wrappers
+from hcbf_gym.barriers import Barrier, Function, Jet, LinearClassK, PlanarBarrier
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.control_affine import ControlAffine
-from hcbf_gym.models.plant import Plant, Reason
-from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from hcbf_gym.models import ControlAffine, DoubleIntegrator, Reason, SingleIntegrator
 from hcbf_gym.programs import FilterStatus
+from tests.worlds import World
 
 jnp = pytest.importorskip("jax.numpy")
 PERIOD = 0.05
@@ -32,30 +28,14 @@ MODELS = {
 }
 
 
-class World(gym.Env):
-    """The model itself, from a state on."""
-
-    def __init__(self, model, start):
-        self.model, self.start = model, np.array(start)
-        self.action_space = gym.spaces.Box(-2.0, 2.0, (2,), np.float64)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = self.start.copy()
-        return self.x.copy(), {}
-
-    def step(self, u):
-        self.x = self.model.step(self.x, u, PERIOD)
-        return self.x.copy(), 0.0, False, False, {}
-
-
 def driven(model, barrier, wanted, start=(0.0, 0.0, 0.0, 0.0), steps=200):
     """Return states, h and reports of a filtered drive, and the warnings about kinks."""
     plant = Plant(model, [barrier], lambda env, x, info: x, period=PERIOD)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        env = wrappers.SafetyFilter(World(model, start), plant=plant, alpha1=LinearClassK(1.0))
+        env = wrappers.SafetyFilter(
+            World(model, PERIOD, 2.0, start), plant=plant, alpha1=LinearClassK(1.0)
+        )
         x, info = env.reset()
         seen, reports = [x], [info["safety_filter"]]
         for k in range(steps):
@@ -153,7 +133,7 @@ def test_a_gradient_that_is_not_finite_beside_either_brakes_with_state_and_remed
     plant = Plant(model, [barrier], lambda env, x, info: x, period=PERIOD)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SafetyWarning)
-        env = wrappers.SafetyFilter(World(model, start), plant=plant)
+        env = wrappers.SafetyFilter(World(model, PERIOD, 2.0, start), plant=plant)
         _, info = env.reset()
     texts = " ".join(str(one.message) for one in caught)
     assert info["safety_filter"]["status"] == FilterStatus.BACKUP

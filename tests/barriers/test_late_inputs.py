@@ -3,7 +3,6 @@
 import re
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from needs import remedy
@@ -14,7 +13,8 @@ from hcbf_gym.barriers import Barrier, Disc, Function, GeneralRows, HalfPlane, J
 from hcbf_gym.barriers.convexity import is_convex, warn_of_concave
 from hcbf_gym.barriers.late_inputs import LateInputs
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.models import ControlAffine, DoubleIntegrator, KinematicBicycle, Unicycle
+from hcbf_gym.models import Box, ControlAffine, DoubleIntegrator, KinematicBicycle, Unicycle
+from tests.worlds import OwnLinear, World
 
 DISC, WALL = Disc("disc", 1, center=(3.0, 0.0)), HalfPlane("wall", 1, (-1.0, 0.0), -2.0)
 
@@ -43,17 +43,6 @@ def followed():
 
 
 @dataclass(frozen=True)
-class Linear(Barrier):
-    """h = c·x + 1, of any states."""
-
-    slope: tuple[float, ...] = ()
-
-    def jet(self, x, t=0.0):
-        zero = np.zeros(x.size)
-        return Jet(1.0 + np.dot(self.slope, x), np.array(self.slope), np.diag(zero), 0.0, zero, 0.0)
-
-
-@dataclass(frozen=True)
 class Apart(Barrier):
     """A metre away from the agent in x[2:4]."""
 
@@ -76,7 +65,11 @@ def late_in(model, barriers):
         (KinematicBicycle(), DISC, r"u\[1\].*derivative 1.*u\[0\] by derivative 2"),
         (Unicycle(), DISC, r"u\[0\].*derivative 1.*u\[1\] by derivative 2"),
         (quadrotor(), WALL, r"u\[0\].*derivative 2.*u\[1\] by derivative 4"),
-        (DoubleIntegrator(), Linear("mixed", 1, (0.0, 1.0, -1.0, 0.0)), r"u\[1\] by derivative 2"),
+        (
+            DoubleIntegrator(),
+            OwnLinear("mixed", 1, (0.0, 1.0, -1.0, 0.0)),
+            r"u\[1\] by derivative 2",
+        ),
     ],
     ids=["bicycle", "unicycle", "quadrotor", "own barrier of a point"],
 )
@@ -85,9 +78,9 @@ def test_it_is_refused_with_the_input_its_derivative_and_the_remedy(model, barri
     assert re.search(late, text)
     known = hcbf_gym.Plant(model, [barrier], lambda env, *_: env.x, period=0.05)
     with pytest.raises(InvalidInputError, match=rf"{late}.*a point ahead.*allow_late_inputs"):
-        wrappers.SafetyFilter(Car(), plant=known)
+        wrappers.SafetyFilter(car(), plant=known)
     with pytest.warns(UserWarning, match=f"{late}.*allowed") as warned:
-        wrappers.SafetyFilter(Car(), plant=known, allow_late_inputs=True)
+        wrappers.SafetyFilter(car(), plant=known, allow_late_inputs=True)
     assert len(warned) == 1
 
 
@@ -96,11 +89,14 @@ def test_it_is_refused_with_the_input_its_derivative_and_the_remedy(model, barri
     [
         (DoubleIntegrator(), HalfPlane("wall", 1, (1.0, 0.0))),
         (DoubleIntegrator(drag=0.3), DISC),
-        (DoubleIntegrator(3), Linear("ceiling", 1, (0.0, 0.0, -1.0, 0.0, 0.0, 0.0))),
-        (models.SingleIntegrator(6), Linear("first joints", 1, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0))),
+        (DoubleIntegrator(3), OwnLinear("ceiling", 1, (0.0, 0.0, -1.0, 0.0, 0.0, 0.0))),
+        (
+            models.SingleIntegrator(6),
+            OwnLinear("first joints", 1, (1.0, 2.0, 0.0, 0.0, 0.0, 0.0)),
+        ),
         (followed(), Apart("agent", 1)),
-        (KinematicBicycle(), Linear("speed", 1, (0.0, 0.0, 0.0, -1.0))),
-        (Unicycle(), Linear("heading", 1, (0.0, 0.0, 1.0))),
+        (KinematicBicycle(), OwnLinear("speed", 1, (0.0, 0.0, 0.0, -1.0))),
+        (Unicycle(), OwnLinear("heading", 1, (0.0, 0.0, 1.0))),
     ],
     ids=lambda value: getattr(value, "name", type(value).__name__),
 )
@@ -132,38 +128,32 @@ def test_links_are_those_of_the_equations():
     np.testing.assert_array_equal(links.inputs, [[0, 1], [0, 1], [0, 1], [1, 0]])
 
 
-class Car(gym.Env):
-    action_space = gym.spaces.Box(np.array([-3.0, -0.5]), np.array([3.0, 0.5]), dtype=np.float64)
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), dtype=np.float64)
-    model = KinematicBicycle()
+LIMITS = Box([-3.0, -0.5], [3.0, 0.5])
 
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.array([0.0, 0.1, 0.0, 1.0])
-        return self.x.copy(), {}
 
-    def step(self, action):
-        self.x = self.model.step(self.x, action, 0.05)
-        return self.x.copy(), 0.0, False, False, {}
+def car():
+    return World(KinematicBicycle(), 0.05, 3.0, (0.0, 0.1, 0.0, 1.0))
 
 
 def plant(barriers):
     state = lambda env, observation, info: env.x  # noqa: E731
-    return hcbf_gym.Plant(model=Car.model, barriers=barriers, state=state, period=0.05)
+    return hcbf_gym.Plant(
+        model=KinematicBicycle(), input_set=LIMITS, barriers=barriers, state=state, period=0.05
+    )
 
 
 def test_the_filter_refuses_at_construction_or_at_the_first_reset():
     with pytest.raises(InvalidInputError, match=r"u\[0\] by derivative 2"):
-        wrappers.SafetyFilter(Car(), plant=plant([DISC]))
+        wrappers.SafetyFilter(car(), plant=plant([DISC]))
     read = plant(lambda env, observation, info: [DISC])
-    env = wrappers.SafetyFilter(Car(), plant=read)
+    env = wrappers.SafetyFilter(car(), plant=read)
     with pytest.raises(InvalidInputError, match=r"u\[0\] by derivative 2"):
         env.reset(seed=0)
 
 
 def test_what_comes_into_sight_later_brakes_and_names_what_is_late():
     seen = []
-    env = wrappers.SafetyFilter(Car(), plant=plant(lambda env, observation, info: list(seen)))
+    env = wrappers.SafetyFilter(car(), plant=plant(lambda env, observation, info: list(seen)))
     env.reset(seed=0)
     env.step(np.array([1.0, 0.0]))
     seen.append(DISC)

@@ -1,6 +1,5 @@
 """A user's own barrier: accepted wherever built-in ones are, and named for JSON."""
 
-import itertools
 import json
 from dataclasses import dataclass, replace
 
@@ -23,10 +22,11 @@ from hcbf_gym.barriers import (
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.models.vehicles import Unicycle
+from hcbf_gym.models import Unicycle
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_robots import VelocityFilter
+from tests.worlds import World
 
 USUAL, HELD = RowSettings(), RowSettings(period=0.02, u_max=7.1)
 
@@ -170,22 +170,6 @@ class Fence(Several):
     conditions = tuple(Disc(f"post {y}", 1, center=(1.0, y), radius=0.1) for y in (0.0, 0.3))
 
 
-class Still(gym.Env):
-    """A robot that stands, whatever its model is."""
-
-    observation_space = gym.spaces.Box(-9.0, 9.0, (2,))
-
-    def __init__(self, model):
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (model.n_u,))
-        self.x = np.zeros(model.n)
-
-    def reset(self, *, seed=None, options=None):
-        return self.x[:2], {}
-
-    def step(self, action):
-        return self.x[:2], 0.0, False, False, {}
-
-
 @pytest.mark.filterwarnings("ignore:safety filter")
 @pytest.mark.parametrize(
     "model", [models.DoubleIntegrator(), models.SingleIntegrator(), Unicycle()]
@@ -193,7 +177,7 @@ class Still(gym.Env):
 def test_an_element_of_several_barriers_is_taken_whatever_the_model_is(model):
     def filtered(scene):
         plant = Plant(model, scene, lambda env, *_: env.x.copy(), period=0.02)
-        env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
+        env = wrappers.SafetyFilter(World(model, limit=1.0), plant=plant, allow_late_inputs=True)
         env.reset(seed=0)
         return env.step(np.ones(model.n_u))[4]["safety_filter"]
 
@@ -201,68 +185,6 @@ def test_an_element_of_several_barriers_is_taken_whatever_the_model_is(model):
     assert len(fence["margin"]) == len(Fence.conditions)
     for name, value in posts.items():
         np.testing.assert_array_equal(fence[name], value, name)
-
-
-class Post(Several):
-    """A post that is moved in place."""
-
-    conditions = ()
-
-    def __init__(self):
-        self.move(2.0)
-
-    def move(self, to):
-        self.conditions = (Disc("post", 1, center=(to, 0.0), radius=0.1),)
-
-
-def stepped(model, reads_anew=False):
-    post = Post()
-    conditions = (lambda *_: [post]) if reads_anew else [post]
-    plant = Plant(model, conditions, lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(Still(model), plant=plant, allow_late_inputs=True)
-    env.reset(seed=0)
-    return post, lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
-
-
-def batched():
-    model, post = models.DoubleIntegrator(), Post()
-    envs = gym.vector.SyncVectorEnv(2 * [lambda: Still(model)])
-    states = lambda envs, *_: np.array([one.x for one in envs.envs])  # noqa: E731
-    plant = Plant(model, lambda *_: [[post], [post]], states, period=0.02)
-    envs = wrappers.VectorSafetyFilter(envs, plant=plant)
-    envs.reset(seed=0)
-    return post, lambda: envs.step(np.zeros((2, 2)))[4]["safety_filter"]["h"][1, -1]
-
-
-def driven():
-    post, times = Post(), itertools.count()
-    safe = VelocityFilter("cart", [post], period=0.05)
-
-    def step():
-        at = 0.05 * next(times)
-        return safe.step((0.0, 0.0), np.zeros(3), np.zeros(3), at)[1]["h"][-1]
-
-    return post, step
-
-
-@pytest.mark.filterwarnings("ignore:safety filter", "ignore:velocity filter")
-@pytest.mark.parametrize(
-    "way",
-    [
-        lambda: stepped(models.DoubleIntegrator()),
-        lambda: stepped(models.SingleIntegrator()),
-        lambda: stepped(Unicycle()),
-        lambda: stepped(models.DoubleIntegrator(), reads_anew=True),
-        batched,
-        driven,
-    ],
-)
-def test_what_changes_in_place_is_seen_in_the_next_step(way):
-    post, step = way()
-    step()
-    far = step()
-    post.move(1.5)
-    assert far - step() == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_velocity_filter_takes_it_too():

@@ -50,16 +50,6 @@ def test_python_and_compiled_code_have_the_same_numbers():
         assert getattr(importlib.import_module(f"hcbf_gym.barriers.{module}"), column) == number
 
 
-def test_another_kind_is_infinitely_far():
-    block = np.zeros(layout.WIDTH)
-    assert _core.shape_jet(layout.CUSTOM, block, 1.0, 2.0) == (np.inf, 0.0, 0.0, np.inf, 0.0, 0.0)
-    assert _core.shape_core(layout.CUSTOM, block, 1.0, 2.0, 0.0, 0.0, 0.1) == (
-        np.inf,
-        np.inf,
-        False,
-    )
-
-
 @pytest.mark.parametrize("shape", ALL, ids=named)
 def test_h_is_convex_no_steeper_than_1_and_has_its_gradient(shape):
     for q, other in zip(points(200), points(200, 1), strict=True):
@@ -132,9 +122,3 @@ def test_it_travels_through_json_and_stands_in_arrays(shape):
     np.testing.assert_allclose(many.parameters, [block] * 3)
     with pytest.raises(InvalidInputError, match="expected"):
         Shapes("many", 1, shape.kind, np.where(np.isfinite(values), np.nan, values))
-
-
-@pytest.mark.parametrize("size", [0.0, 1.1, 1e200, 1e308])
-def test_a_normal_of_any_other_length_than_1_is_refused_in_words(size):
-    with pytest.raises(InvalidInputError, match="expected 1"):
-        barriers.HalfPlane("wall", 1, normal=(size, size), offset=0.0)

@@ -1,12 +1,16 @@
 """Studies in small: what their pages state holds, and what they measure is what they name."""
 
+import json
+
 import numpy as np
 import pytest
 from needs import needs
 
 from benchmarks import map_guidance, refute, uncertain
 from benchmarks.suites import estimation, held_rows
+from benchmarks.suites import monte_carlo as command
 from benchmarks.unmeasured import FAULTS, FLEET, WITHIN, cases, honest
+from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_robots.maps import MapClass, RankedMap
 
 
@@ -95,3 +99,37 @@ def test_a_walk_reports_every_step():
     assert len(walk.position) == len(walk.velocity) == len(walk.nees) == 20
     assert not walk.fell
     assert (walk.nees > 0.0).all()
+
+
+def arguments(folder, **changes):
+    few = {"episodes": 5, "chunk": 2, "policies": ("pd",), "programs": ("r 5", "lex"), "workers": 1}
+    return command.Args(output=folder, **(few | changes))
+
+
+def test_a_broken_run_resumes_and_ends_with_the_same_result(tmp_path):
+    command.main(arguments(tmp_path))
+    first = (tmp_path / "summary.json").read_text()
+    assert [row["episodes"] for row in json.loads(first)] == [5, 5]
+    lost, *kept = (tmp_path / "chunks").iterdir()
+    stamps = {path: path.stat().st_mtime_ns for path in kept}
+    assert len(kept) == 5
+    lost.unlink()
+    (tmp_path / "summary.json").unlink()
+    command.main(arguments(tmp_path))
+    assert (tmp_path / "summary.json").read_text() == first
+    assert stamps == {path: path.stat().st_mtime_ns for path in kept}
+
+
+def test_a_folder_of_another_study_is_left_alone(tmp_path):
+    command.main(arguments(tmp_path, episodes=2, programs=("lex",)))
+    before = (tmp_path / "summary.json").read_text()
+    with pytest.raises(InvalidInputError, match="seed"):
+        command.main(arguments(tmp_path, seed=1))
+    assert (tmp_path / "summary.json").read_text() == before
+
+
+def test_senseless_arguments_are_refused(tmp_path):
+    with pytest.raises(UnknownNameError, match="lex"):
+        command.main(arguments(tmp_path, programs=("hope",)))
+    with pytest.raises(InvalidInputError, match="episodes"):
+        command.main(arguments(tmp_path, episodes=0))

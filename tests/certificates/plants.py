@@ -10,7 +10,7 @@ from typing import NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from hcbf_gym import certificates, models
+from hcbf_gym import Estimate, HcbfError, Plant, certificates, models
 from hcbf_gym.barriers import (
     BarrierSet,
     Capsule,
@@ -21,10 +21,8 @@ from hcbf_gym.barriers import (
     Shapes,
     SpeedLimit,
 )
-from hcbf_gym.errors import HcbfError
-from hcbf_gym.models.axle import Axle
+from hcbf_gym.models import Axle, Uncertainty
 from hcbf_gym.models.grid import Grid
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
 from hcbf_robots import Command, Response, Robot
 from hcbf_robots.maps import MapClass, RankedMap, Scan
 
@@ -51,6 +49,15 @@ class Mass(gym.Env):
 
 def state(env, observation, info):
     return Estimate(np.array(observation))
+
+
+def mass(limit=3.0, **fields):
+    """Return the plant of a point at rest."""
+    return Plant(
+        models.DoubleIntegrator(), [Disc("disc", 1, (3.0, 0.0), 0.5)],
+        lambda env, observation, info: Estimate(np.zeros(4)), models.Box.symmetric(limit),
+        period=0.02, **fields,
+    )  # fmt: skip
 
 
 BASE = Plant(

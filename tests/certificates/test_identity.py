@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hcbf_gym import barriers, certificates
+from hcbf_gym import Estimate, barriers, certificates
 from hcbf_gym.certificates import identity
 from hcbf_gym.certificates.declared import UNHASHABLE as CANNOT
 from hcbf_gym.errors import CoverageWarning
-from hcbf_gym.models.plant import CoveredBy, Estimate
+from hcbf_gym.models import CoveredBy
 from hcbf_gym.wrappers import SafetyFilter
 from tests.certificates import plants
 from tests.certificates.plants import BASE, Mass

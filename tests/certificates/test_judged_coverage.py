@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.alone import ALONE
-from hcbf_gym import certificates, models, version
-from hcbf_gym.barriers import Disc
+from hcbf_gym import certificates, version
 from hcbf_gym.certificates import judge
 from hcbf_gym.certificates.judge import words
 from hcbf_gym.errors import CoverageWarning
-from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant
+from hcbf_gym.models import Coverage, CoveredBy
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
-from tests.certificates.plants import Mass
+from tests.certificates.plants import Mass, mass
 
 KINDS = ({"any of"}, {"each"}, {"from"}, {"to"}, {"from", "to"})
 SHIPPED = certificates.shipped()
@@ -138,16 +137,6 @@ def test_one_argument_alone_may_be_left_for_its_wider_range():
                 assert judge(nominal | {argument: value}, ranges, alone).reasons
 
 
-def mass(covered):
-    return Plant(
-        models.DoubleIntegrator(),
-        [Disc("disc", 1, (3.0, 0.0), 0.5)],
-        lambda env, observation, info: Estimate(np.zeros(4)),
-        period=0.02,
-        covered=covered,
-    )
-
-
 def reported(env):
     """Return what the report of a reset and of a step say, which is the same."""
     _, info = env.reset(seed=0)
@@ -192,9 +181,9 @@ WAYS = {
     "a batch": (batch, 1, CoveredBy.NONE),
     "a batch's rows": (lambda: batch(rows="usual"), 0, CoveredBy.FILTER),
     "another plant": (lambda: SafetyFilter(e := regions(), plant=moved(e)), 0, CoveredBy.PLANT),
-    "a plant of one's own": (lambda: SafetyFilter(Mass(), plant=mass(0)), 0, CoveredBy.UNKNOWN),
-    "one that states 1": (lambda: SafetyFilter(Mass(), plant=mass(1)), 1, CoveredBy.NONE),
-    "one that states 2": (lambda: SafetyFilter(Mass(), plant=mass(2)), 2, CoveredBy.SCENE),
+    "a plant of one's own": (lambda: SafetyFilter(Mass(), plant=mass()), 0, CoveredBy.UNKNOWN),
+    "one that states 1": (lambda: SafetyFilter(Mass(), plant=mass(covered=1)), 1, CoveredBy.NONE),
+    "one that states 2": (lambda: SafetyFilter(Mass(), plant=mass(covered=2)), 2, CoveredBy.SCENE),
     "a certificate": (lambda: SafetyFilter(cart(), certificate="cart"), 1, CoveredBy.NONE),
     "a batch's certificate": (lambda: batch(certificate="regions"), 1, CoveredBy.NONE),
     "a certificate of another": (
@@ -258,7 +247,7 @@ def test_a_certificate_covers_in_its_own_version_alone_with_one_warning_a_proces
 @pytest.mark.parametrize("stated", [1, 2])
 def test_in_a_development_version_what_a_plant_states_of_itself_is_not_covered_either(stated):
     assert ".dev" in version.VERSION
-    assert reported(SafetyFilter(Mass(), plant=mass(stated))) == ([0], [CoveredBy.VERSION])
+    assert reported(SafetyFilter(Mass(), plant=mass(covered=stated))) == ([0], [CoveredBy.VERSION])
 
 
 def test_a_release_ships_certificates_that_were_earned_for_it():

@@ -4,14 +4,10 @@ import json
 import sys
 from pathlib import Path
 
-import gymnasium as gym
-import numpy as np
 import pytest
 
-from hcbf_gym import certificates, wrappers
-from hcbf_gym.models.plant import Coverage
-from hcbf_robots import carts
-from hcbf_robots.walkers import Walker
+from hcbf_gym import certificates
+from hcbf_robots import Walker, carts
 
 CARTS = Path(carts.__file__).parent
 INCLUDED = "<mujocoinclude><option timestep='0.002'/></mujocoinclude>"
@@ -78,14 +74,3 @@ def test_what_no_file_names_makes_no_other_robot(contract):
     before = identity(contract)
     (contract.parent / "wheel.txt").write_text("another one")
     assert identity(contract) == before
-
-
-@pytest.mark.usefixtures("released")
-def test_a_scene_that_is_changed_in_an_episode_is_covered_no_longer():
-    inner = gym.make("HCBF-Regions-v0", scenario="random").unwrapped
-    env = wrappers.SafetyFilter(inner)
-    _, info = env.reset(seed=0)
-    assert info["safety_filter"]["covered"] == Coverage.COVERED
-    inner.change_scene(inner.scenario)
-    *_, info = env.step(np.zeros(2, dtype=np.float32))
-    assert info["safety_filter"]["covered"] == Coverage.SCENE

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from hcbf_gym import scenarios, wrappers
-from hcbf_gym.barriers import Ellipse, braking
-from hcbf_gym.barriers.class_k import LogClassK
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, Ellipse, LogClassK, braking
 from hcbf_gym.envs import a1_plant
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.errors import InvalidInputError, LoweredWarning
+from hcbf_gym.models import Ball, Box
 from hcbf_gym.models.constants import GRAVITY
-from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.robots import a1
 
 NOMINAL = Randomization()

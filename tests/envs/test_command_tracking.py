@@ -9,7 +9,7 @@ import pytest
 from benchmarks import command_tracking
 from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym.barriers import HalfPlane
-from hcbf_gym.models.plant import Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import VelocityFilter
 

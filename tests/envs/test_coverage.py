@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 
 from benchmarks.strict import lines
-from hcbf_gym import certificates, models, scenarios
+from hcbf_gym import Plant, certificates, models, scenarios
 from hcbf_gym.certificates import judge
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.estimation import sensors
 from hcbf_gym.filter.certified import limits
 from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models import Box, Coverage, CoveredBy, DoubleIntegrator
 from hcbf_lab.certification.mixture import A1Mixture
 
 pytestmark = pytest.mark.usefixtures("released")

@@ -14,8 +14,8 @@ from gymnasium.utils.env_checker import check_env
 from kinds import A1, CARTS, CODES, KINDS, ROM, WALKER, every, filtered, flat, make, only, run
 from needs import needs
 
-from hcbf_gym import scenarios, wrappers
-from hcbf_gym.errors import HcbfError, InvalidInputError, RenderingError, UnknownNameError
+from hcbf_gym import HcbfError, scenarios, wrappers
+from hcbf_gym.errors import InvalidInputError, RenderingError, UnknownNameError
 from hcbf_gym.programs import FilterStatus
 
 # Accelerations are in SI units and observations are unbounded, both on purpose.
@@ -185,12 +185,17 @@ def test_gymnasiums_vector_environments_run_it(kind):
         envs.close()
 
 
+NO_ACTIONS = (
+    np.full(2, np.nan), np.array([np.inf, 0.0]), np.zeros(3), np.zeros((1, 2)), "left",
+    np.array([1j, 0.0]), 1j, ["a", "b"], {}, {"u": 1.0}, None, [[1.0], 2.0],
+)  # fmt: skip
+
+
 @only(ROM, A1, "cart")
-@pytest.mark.parametrize(
-    "action", [np.full(2, np.nan), np.array([np.inf, 0.0]), np.zeros(3), np.zeros((1, 2)), "left"]
-)
-def test_bad_actions_are_refused_before_anything_moves(kind, action):
-    env = make(kind)
+@pytest.mark.parametrize("making", [make, filtered], ids=["bare", "filtered"])
+@pytest.mark.parametrize("action", NO_ACTIONS, ids=repr)
+def test_bad_actions_are_refused_before_anything_moves(kind, making, action):
+    env = making(kind, disable_env_checker=True)
     env.reset(seed=0)
     before = env.unwrapped.rom_state
     with pytest.raises(InvalidInputError, match="expected"):

@@ -7,31 +7,16 @@ import numpy as np
 import pytest
 
 from hcbf_gym import Plant, _core, scenarios, wrappers
-from hcbf_gym.barriers import SpeedLimit
-from hcbf_gym.barriers.braking import check_limits
-from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, RowSettings, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.evaluation import attacks
-from hcbf_gym.models.plant import Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym.models import DoubleIntegrator, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import MapClass
-from tests.maps.floors import cells, room, true_distance
+from tests.maps.floors import cells, on_map, room, true_distance
+from tests.worlds import World
 
 BODY = 0.1
-
-
-def scene(ranked, start):
-    return {
-        "name": "room",
-        "barriers": [],
-        "reference": {"kind": "point", "goal": [2.0, 1.5]},
-        "start": list(start),
-        "map": ranked.to_dict(),
-        "task": "reach",
-        "v_max": 1.5,
-    }
 
 
 def free(ranked, seed, clearance=BODY + 0.05):
@@ -44,7 +29,7 @@ def free(ranked, seed, clearance=BODY + 0.05):
 def test_no_attack_enters_the_exact_squares_of_a_strict_class(attack):
     ranked = room(len(attack), (1.0, -2.0, 0.4))
     start = free(ranked, 0)[3]
-    env = gym.make("HCBF-Regions-v0", scenario=scene(ranked, start), max_episode_steps=150)
+    env = gym.make("HCBF-Regions-v0", scenario=on_map(ranked, start), max_episode_steps=150)
     env = wrappers.SafetyFilter(env, margin=BODY)
     _, info = env.reset(seed=1)
     assert info["h"].shape == info["safety_filter"]["margin"].shape == (2,)
@@ -60,51 +45,9 @@ def test_no_attack_enters_the_exact_squares_of_a_strict_class(attack):
     assert true_distance(ranked, ranked.classes[0].cells, np.array(places)).min() >= BODY
 
 
-def test_the_vector_environment_equals_single_ones_on_maps():
-    zone = MapClass("zone", 2, "speed", cells(4), limit=0.5)
-    ranked = room(2, (0.0, 0.0, 0.2), zone=zone)
-    start = free(ranked, 1)[0]
-    given = {"scenario": scene(ranked, start)}
-    many = gym.make_vec("HCBF-Regions-v0", num_envs=2, **given)
-    ones = [gym.make("HCBF-Regions-v0", **given) for _ in range(2)]
-    many = wrappers.VectorSafetyFilter(many, margin=BODY)
-    ones = [wrappers.SafetyFilter(env, margin=BODY) for env in ones]
-    seen, _ = many.reset(seed=0)
-    alone = [env.reset(seed=k)[0] for k, env in enumerate(ones)]
-    assert np.array_equal(seen, alone)
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        u = rng.uniform(-5.0, 5.0, (2, 2)).astype(np.float32)
-        seen, _, _, _, infos = many.step(u)
-        for k, env in enumerate(ones):
-            observation, _, _, _, info = env.step(u[k])
-            assert np.array_equal(seen[k], observation)
-            assert np.array_equal(infos["min_h"][k], info["min_h"])
-            for key in ("u_safe", "slack", "margin", "status"):
-                assert np.array_equal(infos["safety_filter"][key][k], info["safety_filter"][key])
-
-
-def test_a_named_solver_finds_the_input_of_the_compiled_path():
-    zone = MapClass("zone", 2, "speed", cells(4), limit=0.5)
-    ranked = room(3, zone=zone)
-    given = {"scenario": scene(ranked, free(ranked, 2)[1])}
-    envs = [
-        wrappers.SafetyFilter(gym.make("HCBF-Regions-v0", **given), margin=BODY, solver=solver)
-        for solver in (None, "daqp")
-    ]
-    for env in envs:
-        env.reset(seed=0)
-    rng = np.random.default_rng(0)
-    for _ in range(25):
-        u = rng.uniform(-5.0, 5.0, 2)
-        reports = [env.step(u)[-1]["safety_filter"] for env in envs]
-        assert reports[0]["u_safe"] == pytest.approx(reports[1]["u_safe"], abs=1e-6)
-        assert reports[0]["margin"] == pytest.approx(reports[1]["margin"])
-
-
 def test_a_scene_with_a_map_travels_through_json_and_through_a_spec():
     ranked = room(0)
-    made = scenarios.from_dict(scene(ranked, free(ranked, 0)[0]))
+    made = scenarios.from_dict(on_map(ranked, free(ranked, 0)[0]))
     again = scenarios.from_dict(json.loads(json.dumps(made.to_dict())))
     assert again.to_dict() == made.to_dict()
     env = gym.make("HCBF-Regions-v0", scenario=made.to_dict())
@@ -119,7 +62,7 @@ def test_no_robot_enters_a_zone_faster_than_its_limit():
     walls = MapClass("walls", 1, "keepout", np.zeros_like(strip))
     zone = MapClass("zone", 1, "speed", strip, limit=0.4)
     ranked = type(ranked)(ranked.grid, (walls, zone))
-    env = gym.make("HCBF-Regions-v0", scenario=scene(ranked, (0.5, 1.5)), max_episode_steps=200)
+    env = gym.make("HCBF-Regions-v0", scenario=on_map(ranked, (0.5, 1.5)), max_episode_steps=200)
     env = wrappers.SafetyFilter(env)
     env.reset(seed=0)
     fastest, outside = 0.0, 0.0
@@ -147,24 +90,13 @@ def plant(ranked, start, body=BODY):
     )
 
 
-class Still(gym.Env):
-    action_space = gym.spaces.Box(-5.0, 5.0, (2,), np.float64)
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (1,))
-
-    def reset(self, *, seed=None, options=None):
-        return np.zeros(1, dtype=np.float32), {}
-
-    def step(self, action):
-        return np.zeros(1, dtype=np.float32), 0.0, False, False, {}
-
-
 def test_a_users_own_plant_takes_a_map_among_its_barriers_and_reports_a_start_too_near():
     ranked = room(0)
     points = free(ranked, 0, 0.0)
     distance = ranked.distance(points, 1)
     near, far = points[distance.argmin()], points[distance.argmax()]
     for start, status in ((near, FilterStatus.UNSAFE), (far, FilterStatus.NOMINAL)):
-        env = wrappers.SafetyFilter(Still(), plant=plant(ranked, start))
+        env = wrappers.SafetyFilter(World(), plant=plant(ranked, start))
         _, info = env.reset()
         assert info["safety_filter"]["status"] == status
         assert info["safety_filter"]["slack"].shape == (2,)
@@ -176,7 +108,7 @@ def test_a_cell_that_appears_under_the_body_is_reported_at_once():
     barriers = [ranked]
     given = plant(ranked, start)
     env = wrappers.SafetyFilter(
-        Still(),
+        World(),
         plant=Plant(
             given.model, lambda *_: barriers, given.state, period=0.02,
             uncertainty=given.uncertainty,
@@ -189,20 +121,13 @@ def test_a_cell_that_appears_under_the_body_is_reported_at_once():
     assert env.step(np.zeros(2))[-1]["safety_filter"]["status"] == FilterStatus.UNSAFE
 
 
-def test_a_zone_that_a_held_input_can_pass_within_a_period_is_refused():
-    zone = MapClass("zone", 1, "speed", cells(4), limit=0.05)
-    scenes = BarrierSet([[room(0, zone=zone)]])
-    with pytest.raises(InvalidInputError, match="speed zone"):
-        check_limits(scenes, (0.02, 7.1))
-
-
 def test_a_new_zone_with_such_a_limit_is_not_accepted():
     ranked = room(0)
     start = free(ranked, 0)[0]
     barriers = [ranked]
     given = plant(ranked, start)
     read = Plant(given.model, lambda *_: barriers, given.state, period=0.02)
-    env = wrappers.SafetyFilter(Still(), plant=read)
+    env = wrappers.SafetyFilter(World(), plant=read)
     env.reset()
     zone = MapClass("zone", 1, "speed", np.ones_like(cells(0)), limit=0.05)
     barriers = [room(0, zone=zone)]

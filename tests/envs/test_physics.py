@@ -9,7 +9,7 @@ from hcbf_gym.envs.scene import ROUGH_HALF_SIZE, ROUGH_STEP
 from hcbf_gym.errors import InvalidInputError, RobotModelError
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.robots import a1
-from hcbf_gym.scenarios.scenario import BoxObstacle
+from hcbf_gym.scenarios import BoxObstacle
 
 MASS = 12.453
 RANDOM_PUSHES = {"kind": "random", "interval": 1.0, "impulse": [1.0, 3.0]}

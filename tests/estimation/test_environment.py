@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import hcbf_gym  # noqa: F401 - registers the environments
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 
 

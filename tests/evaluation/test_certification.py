@@ -16,13 +16,13 @@ from hcbf_gym.certificates import BLOCK, Certificate
 from hcbf_gym.errors import InvalidInputError, RefusedError, SafetyWarning
 from hcbf_gym.evaluation import jobs, own_environment
 from hcbf_gym.evaluation.jobs import Runs, versions
-from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.models import Reason, Uncertainty
 from hcbf_gym.policies import learned
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_lab.certification import calibration, certify, check, command, exact_path, families, page
 from hcbf_lab.certification.command import PLANTS
 from hcbf_lab.certification.families import OwnFamily, SceneFamily, Seen
-from hcbf_robots.walkers.walker import Walker
+from hcbf_robots import Walker
 from tests.needs import needs
 from tests.robots import walkers
 

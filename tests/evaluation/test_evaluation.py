@@ -7,15 +7,20 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from scipy.stats import binom
 
-from hcbf_gym import programs
-from hcbf_gym.errors import HcbfError
+from hcbf_gym import HcbfError, policies, programs, wrappers
+from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.evaluation.command import column_names
 from hcbf_gym.evaluation.jobs import Runs, key
+from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.rollouts import Case, Job, aggregate, evaluate
 from hcbf_gym.evaluation.sentences import SPEED, sentences
+from hcbf_gym.evaluation.statistics import upper_bound
 from hcbf_gym.programs import FilterStatus
 
 ROOT = Path(__file__).parents[2]
@@ -146,3 +151,66 @@ def test_columns_name_the_policy_where_there_are_several():
         "pd\nnone (no filter)",
     ]
     assert column_names(rows[:2]) == ["none (no filter)", "lex-cbf-qp"]
+
+
+def test_standing_with_a_wish_to_move_away_from_the_goal_alone_is_a_deadlock():
+    velocity = np.array([[0.01, 0.0], [1.0, 1.0], [0.01, 0.0], [0.01, 0.0]])
+    u_nominal = np.array([[1.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0]])
+    found = deadlocked(velocity, u_nominal, np.array([2.0, 2.0, 2.0, 0.2]), 0.25)
+    assert found.tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize("program", ["none", "lex-cbf-qp"])
+def test_every_episode_of_a_batch_is_the_one_that_runs_alone(program):
+    env = gym.make_vec("HCBF-Regions-v0", num_envs=4, scenario="random", autoreset_mode="Disabled")
+    policy = policies.PDTracker.for_env(env)
+    if program != "none":
+        env = wrappers.VectorSafetyFilter(env, program)
+    batch = rollout_batch(env, policy, seed=3)
+    assert len(set(batch.steps)) > 1  # they end at different times
+    for k in range(4):
+        episode = Case("HCBF-Regions-v0", "random", "pd", program).run(seed=3 + k)
+        summary, steps = episode.summary(), len(episode.reward)
+        assert batch.steps[k] == steps
+        np.testing.assert_allclose(batch.position[: steps + 1, k], episode.position, atol=1e-9)
+        np.testing.assert_allclose(batch.min_h[k], summary["min_h"], atol=1e-9)
+        np.testing.assert_allclose(batch.reward[:, k].sum(), summary["return"], atol=1e-9)
+        np.testing.assert_allclose(batch.seconds_inside[k], summary["violation_seconds"], atol=1e-9)
+        if_filtered = summary["intervention_rms"] if program != "none" else 0.0
+        np.testing.assert_allclose(batch.intervention_rms[k], if_filtered, atol=1e-9)
+        assert batch.terminated[k] == summary["reached"]
+
+
+@pytest.mark.parametrize(("entered", "episodes"), [(0, 1), (0, 688), (3, 40), (5, 16450), (39, 40)])
+def test_at_the_bound_so_few_entries_are_as_rare_as_the_doubt(entered, episodes):
+    bound = upper_bound(entered, episodes, 0.99)
+    assert binom.cdf(entered, episodes, bound) == pytest.approx(0.01, rel=1e-6)
+
+
+def test_the_bound_covers_the_true_chance_with_its_confidence():
+    rng = np.random.default_rng(0)
+    chance, episodes = 0.02, 200
+    counts = rng.binomial(episodes, chance, 4000)
+    covered = np.mean([upper_bound(int(k), episodes, 0.95) >= chance for k in counts])
+    assert covered >= 0.94
+
+
+def test_nothing_is_bounded_where_all_enter():
+    assert upper_bound(7, 7) == 1.0
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        lambda: upper_bound(0, 0),
+        lambda: upper_bound(-1, 5),
+        lambda: upper_bound(6, 5),
+        lambda: upper_bound(True, 5),
+        lambda: upper_bound(0.0, 5),  # type: ignore[arg-type]
+        lambda: upper_bound(0, 5, 1.0),
+        lambda: upper_bound(0, 5, float("nan")),
+    ],
+)
+def test_invalid_counts_and_shares_are_refused(refused):
+    with pytest.raises(InvalidInputError):
+        refused()

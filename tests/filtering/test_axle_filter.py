@@ -5,18 +5,14 @@ import sys
 import numpy as np
 import pytest
 
-from hcbf_gym import _core
+from hcbf_gym import Estimate, Plant, _core
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit, layout
 from hcbf_gym.barriers.speed_limit import least_limit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Reason, Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
+from hcbf_gym.models import Axle, Box, DoubleIntegrator, Reason, SingleIntegrator, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
+from tests.filtering.cores import core_of
 
 CART = Axle(look_ahead=0.25, forward=0.5, turn=1.82, braking=1.5)
 PERIOD, BODY = 0.05, 0.34
@@ -28,13 +24,13 @@ ROOM = [
 ]
 
 
-def filter_of(barriers, *, guidance=None, solver=None, program="lex-cbf-qp", **options):
+def filter_of(barriers, *, axle=None, limit=None, body=BODY, program="lex-cbf-qp", **options):
+    axle = axle or CART
     plant = Plant(
-        DoubleIntegrator(), barriers, lambda *_: None, Box.symmetric(CART.braking),
-        period=PERIOD, uncertainty=Uncertainty(body=BODY), axle=CART,
+        DoubleIntegrator(), barriers, lambda *_: None, Box.symmetric(limit or axle.braking),
+        period=PERIOD, uncertainty=Uncertainty(body=body), axle=axle,
     )  # fmt: skip
-    settings = FilterSettings(program, "held", guidance, None, solver, "warn", False, options)
-    return FilterCore(plant, plant.input_set, settings)
+    return core_of(plant, program, **options)
 
 
 class Cart:
@@ -197,12 +193,7 @@ def test_a_strict_region_that_moves_stays_strict_under_every_program(program, op
 def test_after_an_alarm_that_brakes_what_moves_pushes_it_through_no_wall():
     wall = HalfPlane("wall", 1, (-1.0, 0.0), -1.0)
     scene = [wall, Disc("mover", 1, (-1.5, 0.0), 0.2, (0.4, 0.0))]
-    plant = Plant(
-        DoubleIntegrator(), scene, lambda *_: None, Box.symmetric(CART.braking), period=PERIOD,
-        uncertainty=Uncertainty(body=BODY), axle=CART,
-    )  # fmt: skip
-    settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "brake", False, {})
-    core, cart = FilterCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    core, cart = filter_of(scene, on_alarm="brake"), Cart((0.0, 0.0), 0.0)
     begun(core, scene, cart)
     for step in range(120):
         fault = Reason.INPUT if step == 2 else None
@@ -231,11 +222,7 @@ def test_without_a_heading_it_comes_to_rest(begins):
 def test_a_speed_limit_is_not_passed_by_turning(braking):
     cart_of = Axle(0.25, 1.2, 2.5, braking)
     limit = [SpeedLimit("limit", 1, 0.8)]
-    plant = Plant(
-        DoubleIntegrator(), limit, lambda *_: None, Box.symmetric(5.0), period=PERIOD, axle=cart_of
-    )
-    settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
-    core, cart = FilterCore(plant, plant.input_set, settings), Cart((0.0, 0.0), 0.0)
+    core, cart = filter_of(limit, axle=cart_of, limit=5.0, body=0.0), Cart((0.0, 0.0), 0.0)
     begun(core, limit, cart)
     fastest = 0.0
     for _ in range(200):
@@ -343,8 +330,7 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
             DoubleIntegrator(), ROOM, lambda *_: None, input_set if given else None,
             period=PERIOD, axle=CART._replace(braking=braking),
         )  # fmt: skip
-        settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", False, {})
-        return FilterCore(plant, input_set, settings)
+        return core_of(plant, input_set=input_set)
 
     core(1.5, Box.symmetric(1.5))
     with pytest.raises(InvalidInputError, match=r"axle: .* larger U"):

@@ -7,11 +7,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import hcbf_gym
-from hcbf_gym import models, wrappers
+from hcbf_gym import Estimate, models, wrappers
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, Jet
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
+from tests.pairs import pairwise
 from tests.worlds import boat
 
 T, N = 0.05, 5
@@ -97,12 +98,13 @@ def batch_of(model, scenes, lies=None, **options):
     return wrappers.VectorSafetyFilter(env, **options)
 
 
-@pytest.mark.parametrize("scenes", [SHARED, OWN], ids=["one list", "a list each"])
-@pytest.mark.parametrize("program", ["lex-cbf-qp", "r-cbf-qp"])
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(
+    ("name", "program", "listed"),
+    pairwise(MODELS, ("lex-cbf-qp", "r-cbf-qp"), ("one list", "a list each")),
+)
 @pytest.mark.filterwarnings("ignore")
-def test_a_batch_reports_what_single_filters_report(name, program, scenes):
-    model = MODELS[name]
+def test_a_batch_reports_what_single_filters_report(name, program, listed):
+    model, scenes = MODELS[name], SHARED if listed == "one list" else OWN
     if name in ("unicycle", "bicycle"):  # a condition that both inputs enter as early
         pytest.importorskip("jax")
         scenes = ahead(model, scenes)

@@ -6,16 +6,13 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym import wrappers
-from hcbf_gym.barriers import Barrier, Disc, HalfPlane
-from hcbf_gym.barriers.barrier import Jet
-from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Estimate, Plant, Reason
-from hcbf_gym.models.reduced_order import DoubleIntegrator
+from hcbf_gym import Estimate, Plant, wrappers
+from hcbf_gym.barriers import Barrier, Disc, Jet
+from hcbf_gym.models import DoubleIntegrator, Reason
 from hcbf_gym.programs import FilterStatus
-from hcbf_robots import Command, Robot, VelocityFilter
-from tests.barriers.test_kinks import PERIOD, World
+from tests.worlds import World
 
+PERIOD = 0.05
 FAR = Disc("far", 1, center=(50.0, 0.0), radius=1.0)
 MODELS = {"planar": DoubleIntegrator(), "drag": DoubleIntegrator(drag=0.5)}
 
@@ -32,7 +29,7 @@ def answers(model, estimates, barriers=(FAR,), **options):
     plant = Plant(model, list(barriers), state, period=PERIOD, **options)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        env = wrappers.SafetyFilter(World(model, np.zeros(4)), plant=plant)
+        env = wrappers.SafetyFilter(World(model, PERIOD), plant=plant)
         _, info = env.reset()
         for _ in estimates:
             *_, info = env.step(np.zeros(2))
@@ -106,20 +103,7 @@ def test_barriers_name_the_one_its_part_and_the_state(model, name, part):
 @pytest.mark.parametrize("model", MODELS)
 def test_a_derivative_that_is_nan_at_one_state_alone_is_taken_beside_it(model, name):
     plant = Plant(MODELS[model], [Broken(name, 1)], lambda env, x, info: x, period=PERIOD)
-    env = wrappers.SafetyFilter(World(MODELS[model], np.zeros(4)), plant=plant)
+    env = wrappers.SafetyFilter(World(MODELS[model], PERIOD), plant=plant)
     with pytest.warns(UserWarning, match="beside"):
         _, info = env.reset()
     assert info["safety_filter"]["reason"] == Reason.NONE
-
-
-@pytest.mark.parametrize(
-    ("stamp", "now", "part"),
-    [(9.0, 10.0, "1.00 s old, at most 0.1 s"), (12.0, 10.0, "2.00 s ahead")],
-)
-def test_a_stamp_of_odometry_that_is_old_or_ahead_is_named(stamp, now, part):
-    wall = HalfPlane("wall", 1, (-1.0, 0.0), -3.0)
-    filt = VelocityFilter(Robot(Command(0.5, 1.0, sideways=0.5)), [wall])
-    with pytest.warns(SafetyWarning) as caught:
-        _, report = filt.step(np.zeros(3), np.zeros(3), np.zeros(3), stamp, now)
-    assert report["reason"] == Reason.AGE
-    assert part in " ".join(str(one.message) for one in caught)

@@ -6,14 +6,11 @@ import pytest
 
 import hcbf_gym
 import hcbf_robots
-from hcbf_gym import programs
-from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane
+from hcbf_gym import Estimate, Plant, programs
+from hcbf_gym.barriers import BarrierSet, CbfRows, Disc, HalfPlane
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant
-from hcbf_gym.models.reduced_order import SingleIntegrator
+from hcbf_gym.models import Box, SingleIntegrator
 from hcbf_gym.programs import FilterResult, FilterStatus
 from tests.worlds import World
 

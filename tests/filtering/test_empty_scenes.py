@@ -4,10 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import BatchFilter, Plant, models
+from hcbf_gym import BatchFilter, Estimate, Plant, models
 from hcbf_gym.barriers import Disc
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate
+from hcbf_gym.models import Box
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from hcbf_robots import VelocityFilter
 from tests.worlds import World

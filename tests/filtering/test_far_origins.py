@@ -1,31 +1,25 @@
 """A plant in survey coordinates is filtered as one near the origin, whatever its model is."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import models
+from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import (
     BarrierSet,
     Disc,
     Function,
     HalfPlane,
-    PlanarBarrier,
     Shapes,
     SpeedLimit,
 )
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Reason
+from hcbf_gym.models import Axle, Box, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
-from tests.worlds import World
+from tests.filtering.cores import core_of
+from tests.worlds import OwnDisc, World
 
 T, UTM = 0.05, (500_000.0, 5_900_000.0)
 MODELS = {
@@ -36,19 +30,6 @@ MODELS = {
     "unicycle": models.Unicycle(),
     "bicycle": models.KinematicBicycle(),
 }
-
-
-@dataclass(frozen=True)
-class Post(PlanarBarrier):
-    """A condition of a user's own."""
-
-    at: tuple = (0.0, 0.0)
-
-    def planar_jet(self, q):
-        away = q - np.array(self.at)
-        distance = np.linalg.norm(away)
-        n = away / distance
-        return distance - 0.3, n, (np.eye(2) - np.outer(n, n)) / distance
 
 
 def scene(name, x, y):
@@ -73,7 +54,7 @@ def scene(name, x, y):
         grid = Grid(0.1, (x - 1.0, y - 2.0, 0.1), (40, 40))
         found.append(RankedMap(grid, (MapClass("walls", 1, "keepout", cells),)))
         found.append(Shapes("scan", 2, "disc", [(x + 1.0, y - 1.0, 0.1)]))
-        found += [Post("post", 2, (x + 0.7, y - 0.9)), SpeedLimit("cap", 1, 1.2)]
+        found += [OwnDisc("post", 2, (x + 0.7, y - 0.9), 0.3), SpeedLimit("cap", 1, 1.2)]
     return found
 
 
@@ -84,13 +65,11 @@ def run(name, x, y, count, guided=False):
     u_set = Box.symmetric(2.0, model.n_u)
     brake = np.zeros(model.n_u) if name in ("unicycle", "bicycle") else None
     plant = Plant(model, lambda *_: (), lambda *_: (), u_set, period=T, axle=axle, brake=brake)
-    settings = FilterSettings("lex-cbf-qp", "held", "geodesic" if guided else None, None, None,
-                              "warn", True, {})  # fmt: skip
-    core = FilterCore(plant, u_set, settings, count)
+    core = core_of(plant, count=count, guidance="geodesic" if guided else None)
     n = 1 if count is None else count
     barriers = scene(name, x, y)
     if guided:
-        barriers = [one for one in barriers if not isinstance(one, Post)]
+        barriers = [one for one in barriers if not isinstance(one, OwnDisc)]
     away = np.zeros(model.n)
     away[:2] = x, y
     here = np.zeros((n, model.n))

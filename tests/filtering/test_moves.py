@@ -1,5 +1,6 @@
 """A region that is nearer than its declared velocity explains is named, from any API."""
 
+import itertools
 import warnings
 
 import numpy as np
@@ -10,8 +11,7 @@ from benchmarks import trackers
 from hcbf_gym import BatchFilter
 from hcbf_gym.barriers import Disc, Function, HalfPlane, Shapes
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.models import Box, Reason, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from tests.filtering.test_time_of_shapes import WAYS, T
 
@@ -47,9 +47,12 @@ MAKES = {
 
 
 @pytest.mark.parametrize(
-    "make", [pytest.param(one, marks=needs("jax") if one == "function" else ()) for one in MAKES]
+    ("make", "way"),
+    [
+        *itertools.product(("disc", "wall"), WAYS),
+        *(pytest.param("function", way, marks=needs("jax")) for way in WAYS if "list" in way),
+    ],
 )
-@pytest.mark.parametrize("way", WAYS)
 def test_motion_without_a_velocity_is_reported_in_half_a_second_and_then_ends(way, make):
     made, filt = MAKES[make], WAYS[way]()
     comes = [[made(6.0 - FAST * T * k, 0.0)] for k in range(2 * WITHIN)]

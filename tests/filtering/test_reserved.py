@@ -7,16 +7,13 @@ by what the field declares, or it has no meaning and is refused.
 import numpy as np
 import pytest
 
-from hcbf_gym import models
+from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models.axle import Axle
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym.models import Axle, Box, Uncertainty
+from hcbf_robots import Response
 from hcbf_robots.walkers.walker_margins import uncertainty
-from hcbf_robots.walkers.walker_response import Response
+from tests.filtering.cores import core_of
 from tests.worlds import boat
 
 T, LARGEST = 0.05, np.array([1.5, 0.5])
@@ -62,9 +59,8 @@ def report_of(name, size, declared=EXACT, conditions=None, **estimate):
         model, conditions, lambda *_: None, Box(-LARGEST, LARGEST), period=T, uncertainty=own,
         axle=axle,
     )  # fmt: skip
-    settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", True, {})
     count = SIZES[size]
-    core = FilterCore(plant, plant.input_set, settings, count)
+    core = core_of(plant, count=count)
     given = {"x": np.array(x), "heading": np.zeros(()) if axle else None, "time": np.zeros(())}
     given |= {key: np.asarray(value) for key, value in estimate.items()}
     if count is not None:  # the others declare nothing

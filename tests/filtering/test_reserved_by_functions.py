@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from hcbf_gym import models
-from hcbf_gym.barriers import Barrier, Disc, Jet
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Plant, Uncertainty
+from hcbf_gym import Estimate, Plant, models
+from hcbf_gym.barriers import Disc
+from hcbf_gym.models import Box, Uncertainty
+from tests.filtering.cores import core_of
+from tests.worlds import OwnLinear
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -22,20 +21,12 @@ P = ROOT @ ROOT.T
 MODELS = {"planar": models.DoubleIntegrator(), "drag": models.DoubleIntegrator(drag=0.5)}
 
 
-class Linear(Barrier):
-    """h = 2 − 3 x₀ − 0.5 v₁, in NumPy."""
-
-    def jet(self, x, t=0.0):
-        gradient = np.array([-3.0, 0.0, 0.0, -0.5])
-        return Jet(float(9.0 + gradient @ x), gradient, np.zeros((4, 4)), 0.0, np.zeros(4), 0.0)
-
-
 H = {
     "twice as steep": Function("steep", 1, lambda x, t: 2.0 * (4.0 - jnp.hypot(x[0], x[1]))),
     "half as steep": Function("flat", 2, lambda x, t: 0.5 * (4.0 - x[0])),
     "speed": Function("speed", 1, lambda x, t: 4.0 - x[2] ** 2 - x[3] ** 2),
     "braking distance": Function("brakes", 1, lambda x, t: 4.0 - x[0] - 0.5 * x[2] ** 2),
-    "own class": Linear("own", 1),
+    "own class": OwnLinear("own", 1, (-3.0, 0.0, 0.0, -0.5), 9.0),
 }
 
 
@@ -44,8 +35,7 @@ def report_of(name, conditions, declared, count=None, **estimate):
         MODELS[name], conditions, lambda *_: None, Box.symmetric(2.0), period=PERIOD,
         uncertainty=declared,
     )  # fmt: skip
-    settings = FilterSettings("lex-cbf-qp", "usual", None, None, None, "warn", True, {})
-    core = FilterCore(plant, plant.input_set, settings, count)
+    core = core_of(plant, count=count, rows="usual")
     given = {"x": X, **estimate}
     given = {k: v if count is None else np.stack([v] * count) for k, v in given.items()}
     return core.begin(conditions, Estimate(**given), None, None)

@@ -1,22 +1,19 @@
 """A shape counts from the time at which its object was first returned or set, in every list."""
 
 import warnings
-from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from needs import needs
-from worlds import World
 
 import hcbf_gym
 from hcbf_gym import BatchFilter, models, wrappers
 from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, Function, PlanarBarrier, Shapes
-from hcbf_gym.models import Estimate
-from hcbf_gym.models.input_sets import Box
-from hcbf_robots.online import Robot, VelocityFilter
-from hcbf_robots.walkers.walker_parts import Command
+from hcbf_gym.models import Box, Estimate
+from hcbf_robots import Command, Robot, VelocityFilter
+from tests.worlds import OwnDisc, World
 
 T = 0.05
 ROOM = (40.0, 40.0)
@@ -29,21 +26,7 @@ MODELS = {
 }
 
 
-@dataclass(frozen=True)
-class Own(PlanarBarrier):
-    """A disc of a user's own."""
-
-    center: tuple[float, float] = (0.0, 0.0)
-    velocity: tuple[float, float] = (0.0, 0.0)
-
-    def planar_jet(self, q):
-        r = q - self.center
-        d = np.hypot(*r)
-        n = r / d
-        return float(d - 0.5), n, (np.eye(2) - np.outer(n, n)) / d
-
-
-class OwnDisc(Disc):
+class DerivedDisc(Disc):
     """A user's own class of a built-in shape."""
 
 
@@ -55,8 +38,8 @@ def shapes(name, at, w):
     yield Capsule(name, 1, at, (x + 1.0, y), 0.3, w)
     yield ConvexPolygon(name, 1, ((x, y), (x + 1.0, y), (x, y + 1.0)), w)
     yield ConvexPolygon(name, 1, ((x, y), (x + 1.0, y), (x + 1.0, y + 1.0), (x, y + 1.0)), w)
-    yield Own(name, 1, at, w)
     yield OwnDisc(name, 1, at, 0.5, w)
+    yield DerivedDisc(name, 1, at, 0.5, w)
 
 
 class Wrapped:
@@ -191,10 +174,11 @@ def test_a_reset_puts_all_back_and_a_function_reads_the_plants_clock(way):
     filt = WAYS[way]()
     disc = Disc("disc", 1, (5.0, 0.0), 0.5, (0.3, 0.0))
     clock = Function("clock", 1, lambda x, t: 40.0 + t + x[0])
+    another = lambda x, t: 50.0 + t + x[0]  # noqa: E731
     for _ in range(2):
         assert filt.begin([disc, clock])["h"][:2] == pytest.approx([4.5, 40.0], abs=1e-6)
         for step in range(1, 5):
-            later = Function("later", 1, lambda x, t: 50.0 + t + x[0])
+            later = Function("later", 1, another)
             report = filt.step([disc, clock] if step < 3 else [disc, later])
             t = step * T
             height = 40.0 if step < 3 else 50.0

@@ -1,27 +1,25 @@
 """Samples at times that vary are no alarm where the plant reports them, whatever its model."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import hcbf_gym
-from hcbf_gym import models
+from hcbf_gym import Estimate, models
 from hcbf_gym.barriers import Disc
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Box, Reason
 from hcbf_gym.programs import FilterStatus
+from tests.worlds import World
 
 PERIOD = 0.02
 FAR = Disc("far", 1, center=(90.0, 0.0), radius=1.0)
 
 
-class Jittering(gym.Env):
+class Jittering(World):
     """A plant of any model that is sampled after times that vary."""
 
     def __init__(self, model, reported):
-        self.model, self.reported = model, reported
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float64)
-        self.observation_space = gym.spaces.Box(-np.inf, np.inf, (model.n,), np.float64)
+        super().__init__(model, PERIOD, 1.0, np.full(model.n, 0.3))
+        self.reported = reported
         self.plant = hcbf_gym.Plant(
             model, [FAR], lambda env, *_: env.sample(), Box.symmetric(1.0), period=PERIOD
         )
@@ -30,14 +28,13 @@ class Jittering(gym.Env):
         return Estimate(self.x.copy(), self.time, elapsed=self.elapsed if self.reported else None)
 
     def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x, self.time, self.elapsed = np.full(self.model.n, 0.3), 0.0, None
-        return self.x.copy(), {}
+        self.time, self.elapsed = 0.0, None
+        return super().reset(seed=seed)
 
-    def step(self, action):
+    def advance(self, u):
         self.elapsed = self.np_random.uniform(0.2, 0.6) * PERIOD
-        self.x, self.time = self.model.step(self.x, action, self.elapsed), self.time + self.elapsed
-        return self.x.copy(), 0.0, False, False, {}
+        self.time += self.elapsed
+        return self.model.step(self.x, u, self.elapsed)
 
 
 @pytest.mark.parametrize("reported", [True, False])

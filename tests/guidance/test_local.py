@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from hcbf_gym import guidance, programs
-from hcbf_gym.barriers import CbfRows, ConvexPolygon, Disc
+from hcbf_gym.barriers import BarrierSet, CbfRows, ConvexPolygon, Disc, RowSettings
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.barriers.rows import RowSettings
-from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance import local
 

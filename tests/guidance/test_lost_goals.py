@@ -8,16 +8,15 @@ import pytest
 from gymnasium.vector import SyncVectorEnv
 
 import hcbf_gym
-from hcbf_gym import _core, models
+from hcbf_gym import Estimate, _core, models
 from hcbf_gym.barriers import Disc, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.guidance import Geodesic
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Box, Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from hcbf_robots import Command, Robot, VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
-from hcbf_robots.online import Command, Robot, VelocityFilter
+from tests.worlds import World
 
 T, START, GOAL = 0.05, (1.0, 1.0), (5.0, 1.0)
 REMEDY = 'guidance={"kind": "geodesic", "through": 2}'
@@ -33,15 +32,13 @@ def a_map(zone=True):
     return RankedMap(Grid(0.05, (0.0, 0.0, 0.0), walls.shape), classes[: 1 + zone])
 
 
-class Room(gym.Env):
+class Room(World):
     """A planar double integrator whose goal and barriers are readers of it."""
 
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
-    action_space = gym.spaces.Box(-2.0, 2.0, (2,), np.float64)
-
     def __init__(self, ranked=None, goal=GOAL, start=START):
+        super().__init__(period=T, limit=2.0, start=[*start, 0.5, 0.0])
         self.barriers = [*(ranked.conditions if ranked else ()), SpeedLimit("cap", 1, 1.0)]
-        self.goal, self.start = goal, start
+        self.goal = goal
 
     @property
     def plant(self):
@@ -49,16 +46,6 @@ class Room(gym.Env):
             models.DoubleIntegrator(), lambda env, *_: env.barriers,
             lambda env, *_: Estimate(env.x.copy()), period=T, goal=lambda env, *_: env.goal,
         )  # fmt: skip
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x = np.array([*self.start, 0.5, 0.0])
-        return self.x.copy(), {}
-
-    def step(self, action):
-        self.x[:2] += T * self.x[2:] + 0.5 * T**2 * action
-        self.x[2:] += T * action
-        return self.x.copy(), 0.0, False, False, {}
 
 
 def plant_of_many():
@@ -323,8 +310,3 @@ def test_nothing_but_a_guided_filter_reads_goals():
         for _ in range(3):
             safe.step(np.zeros(2))
         assert len(reads) == expected
-
-
-def test_the_class_refuses_what_a_filter_brakes_for():
-    with pytest.raises(InvalidInputError, match=REMEDY.replace("{", r"\{")):
-        Geodesic().reset(a_map().conditions, GOAL, start=START)

@@ -4,7 +4,7 @@ import numpy as np
 
 from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
 from hcbf_gym.layers.flat import FlatFilter
-from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models import Ball, Box
 
 SETTINGS = {
     "usual": {"input_set": Box((-4.0, -3.0), (4.0, 3.0))},

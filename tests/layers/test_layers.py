@@ -5,11 +5,12 @@ import pytest
 from central_differences import SETTINGS, compare, points, scene
 
 from hcbf_gym import _core, programs
-from hcbf_gym.barriers import Barrier, BarrierSet, CbfRows, HalfPlane, RowSettings, SpeedLimit
+from hcbf_gym.barriers import BarrierSet, CbfRows, HalfPlane, RowSettings, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.layers.flat import FlatFilter
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models import Box
+from tests.worlds import OwnLinear
 
 PROGRAMS = [
     ("lex-cbf-qp", {}),
@@ -121,18 +122,9 @@ def test_rows_along_an_axis_have_derivatives_in_conflict_too():
     np.testing.assert_allclose((ahead - behind).T / 2e-6, of_u, rtol=1e-6, atol=1e-6)
 
 
-class Own(Barrier):
-    """A user's own barrier, which has no derivatives here."""
-
-    reads_position = True
-
-    def jet(self, x, t=0.0):
-        raise NotImplementedError
-
-
 def test_other_barriers_and_settings_are_refused():
     with pytest.raises(InvalidInputError, match="number 1 of another kind, expected shapes"):
-        FlatFilter([WALL, Own("own", 1)])
+        FlatFilter([WALL, OwnLinear("own", 1)])
     with pytest.raises(UnknownNameError, match="lex-cbf-qp"):
         FlatFilter([WALL], program="none of these")
     with pytest.raises(InvalidInputError, match="period"):

@@ -37,6 +37,19 @@ def room(seed=0, origin=(0.0, 0.0, 0.0), **others):
     return RankedMap(Grid(0.05, origin, strict.cells.shape), (strict, *others.values()))
 
 
+def on_map(ranked, start):
+    """Return a scene of this package on a map, as a dict."""
+    return {
+        "name": "room",
+        "barriers": [],
+        "reference": {"kind": "point", "goal": [2.0, 1.5]},
+        "start": list(start),
+        "map": ranked.to_dict(),
+        "task": "reach",
+        "v_max": 1.5,
+    }
+
+
 def true_distance(ranked, mask, points):
     """Return (N,) the distance from the union of the true cells' closed squares [m]."""
     at = ranked.grid.to_cells(points)

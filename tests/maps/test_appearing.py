@@ -5,12 +5,12 @@ import warnings
 import numpy as np
 import pytest
 
+from hcbf_gym import Estimate
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Estimate
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
-from hcbf_robots.online import VelocityFilter
 
 # the robot here follows at once, and the cart's response does not
 pytestmark = pytest.mark.filterwarnings("ignore:safety filter. the robot does not do")

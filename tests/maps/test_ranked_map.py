@@ -10,9 +10,9 @@ from PIL import Image
 from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
 from hcbf_robots.maps.nav2 import FREE, OCCUPIED, UNKNOWN, read
-from hcbf_robots.online import VelocityFilter
 from tests.maps.floors import MAPS, ORIGINS, WITHOUT_MAPS, cells, room, true_distance
 
 PIXELS = np.array([[0, 254, 205], [254, 100, 254], [150, 254, 254]], dtype=np.uint8)

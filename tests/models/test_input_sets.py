@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
-from hcbf_gym.models import input_sets
-from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models import Ball, Box, input_sets
 
 SETS = [Box.symmetric(5.0), Box([-1.0, 0.0], [4.0, 2.5]), Ball(5.0), Ball(2.0, sides=3)]
 coordinates = st.floats(-50.0, 50.0)

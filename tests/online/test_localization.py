@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
-from hcbf_gym.models.plant import FIRST_ALARM, Reason
+from hcbf_gym.models import Reason
+from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Robot, VelocityFilter
 from hcbf_robots.online.sample import placed

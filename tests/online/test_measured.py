@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hcbf_gym.models import Reason
 from hcbf_gym.models.grid import Grid
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Response, Robot, VelocityFilter
 from hcbf_robots.maps import MapClass, RankedMap

@@ -2,22 +2,29 @@
 
 import math
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from hcbf_gym import certificates
-from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane, Shapes, SpeedLimit
-from hcbf_gym.barriers.barrier import PlanarBarrier
+from hcbf_gym.barriers import (
+    BarrierSet,
+    Capsule,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    Shapes,
+    SpeedLimit,
+)
 from hcbf_gym.barriers.many import each
-from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
+from hcbf_gym.models import Reason
 from hcbf_gym.models.grid import Grid
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Response, Robot, VelocityFilter
 from hcbf_robots.maps import MapClass, RankedMap, Scan
+from tests.worlds import OwnDisc
 
 FAR = [Disc("far", 1, center=(50.0, 0.0), radius=1.0)]
 EXACT = Robot(
@@ -239,19 +246,6 @@ def test_guidance_follows_a_goal_and_barriers_that_are_set_meanwhile():
     assert np.linalg.norm(path[-1] - [-2.0, 0.0]) < 0.3  # and past what is new
 
 
-@dataclass(frozen=True)
-class Post(PlanarBarrier):
-    """A disc of a user's own."""
-
-    at: tuple = (0.0, 0.0)
-
-    def planar_jet(self, q):
-        away = q - np.array(self.at)
-        d = np.linalg.norm(away)
-        n = away / d
-        return d - 0.3, n, (np.eye(2) - np.outer(n, n)) / d
-
-
 BOX = np.array([[3.0, -1.0], [4.0, -1.0], [4.0, 0.0], [3.0, 0.2]])
 WEDGE = np.array([[0.0, 2.0], [1.0, 2.0], [1.0, 3.0]])
 
@@ -274,7 +268,7 @@ def around(x, y):
         Shapes("lines", 2, "half-plane", [[1.0, 0.0, x - 3.0]]),
         Shapes("bars", 2, "capsule", [[x, y - 2.0, x + 1.0, y - 2.0, 0.1]]),
         Shapes("eggs", 2, "ellipse", [[x, y + 3.5, 0.4, 0.2, 0.1]]),
-        Post("post", 2, (x + 0.5, y - 0.9)),
+        OwnDisc("post", 2, (x + 0.5, y - 0.9), 0.3),
         RankedMap(grid, (MapClass("walls", 1, "keepout", cells),)),
         Scan("laser", [[2.5, -0.4]], (x, y, 0.0)),
     ]

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from hcbf_gym.models.plant import Reason
+from hcbf_gym.models import Reason
+from hcbf_robots import Command, Response
 from hcbf_robots.walkers.motion_monitor import MotionMonitor
-from hcbf_robots.walkers.walker_parts import Command
-from hcbf_robots.walkers.walker_response import Response
 from tests.online.test_own_loop import EXACT, FAR, PERIOD, VelocityFilter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*")

@@ -8,9 +8,8 @@ import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.errors import CoverageWarning, InvalidInputError
-from hcbf_gym.models.plant import Reason
-from hcbf_robots import Command, Response, Robot, VelocityFilter
-from hcbf_robots.walkers import Walker
+from hcbf_gym.models import Reason
+from hcbf_robots import Command, Response, Robot, VelocityFilter, Walker
 from hcbf_robots.walkers.walker_response import assumed
 from tests.online.followers import FAR, WALL, Lagged
 

@@ -5,8 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from hcbf_gym.barriers import ConvexPolygon, HalfPlane, Shapes
-from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers import BarrierSet, ConvexPolygon, HalfPlane, Shapes
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, SafetyWarning
 from hcbf_gym.models.grid import Grid
 from hcbf_gym.programs import FilterStatus

@@ -11,14 +11,13 @@ from benchmarks.velocity_loops import Cart, LoopEpisode
 from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
+from hcbf_gym.models import Reason
 from hcbf_gym.models.clocks import AHEAD
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import VelocityFilter, Walker
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.online import VelocityFilter
 from hcbf_robots.ros.parameters import Settings
 from hcbf_robots.ros.watches import Now, Watch
-from hcbf_robots.walkers import Walker
 from tests.robots.walkers import LEARNED
 
 CARTS = ("cart", "holonomic-cart")

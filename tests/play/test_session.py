@@ -5,10 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from hcbf_gym import scenarios
+from hcbf_gym import HcbfError, scenarios
 from hcbf_gym.barriers import Disc, HalfPlane, SpeedLimit
-from hcbf_gym.errors import HcbfError
-from hcbf_gym.models.plant import Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_lab.play import editing
 from hcbf_lab.play.drawing import stacked

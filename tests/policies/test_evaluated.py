@@ -91,9 +91,15 @@ def written(form, env):
 
 
 @pytest.mark.parametrize(
-    "form", [pytest.param(form, marks=needs(*modules)) for form, (_, modules) in FORMS.items()]
-)
-@pytest.mark.parametrize("where", ENVIRONMENTS)
+    ("where", "form"),
+    [
+        *((where, "function") for where in ENVIRONMENTS),
+        *(
+            pytest.param("own", form, marks=needs(*modules))
+            for form, (_, modules) in FORMS.items() if modules
+        ),
+    ],
+)  # fmt: skip
 def test_a_command_gives_the_numbers_of_a_loop_by_hand(where, form, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.py").write_text(OWN, encoding="utf-8")

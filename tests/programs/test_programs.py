@@ -7,7 +7,7 @@ import scipy.optimize
 
 from hcbf_gym import _core, programs
 from hcbf_gym.errors import InvalidInputError, SolverError, UnknownNameError
-from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models import Ball, Box
 from hcbf_gym.programs import CbfRows, FilterStatus, qp
 
 NAMES = programs.names()

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from benchmarks.suites.verify_programs import random_rows
 from hcbf_gym import _core, programs
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.barriers import LinearClassK, LogClassK
+from hcbf_gym.models import Box
 from hcbf_gym.programs import CbfRows, FilterStatus
 
 seeds = st.integers(0, 10**6)

@@ -3,20 +3,17 @@
 import contextlib
 import itertools
 from dataclasses import asdict
-from fractions import Fraction
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import hcbf_gym
 from benchmarks.judges.judge import Judge
 from benchmarks.suites import verify_programs
-from hcbf_gym import _core, programs
+from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.input_sets import Ball, Box
+from hcbf_gym.models import Box
 from hcbf_gym.programs import CbfRows, FilterStatus, Plan, plans
 
 NAMES = programs.names()
@@ -144,77 +141,6 @@ def test_weights_of_other_states_are_refused_by_every_form():
         with pytest.raises(InvalidInputError, match="gamma0, delta_gamma"):
             programs.make("r-cbf-qp", **several, **further)
     assert programs.make_batch("r-cbf-qp", **several)(np.zeros((3, 2)), rows).u.shape == (3, 2)
-
-
-# ------------------------------------------------------------------ polygons
-
-
-def random_polygon(rng):
-    return Ball(float(rng.uniform(1.0, 6.0)), sides=int(rng.integers(3, 9))).vertices()
-
-
-def dot(a, u):
-    return a[0] * u[0] + a[1] * u[1]
-
-
-def rational_cut(polygon, a, b):
-    """Return the part with ``a·u ≥ b`` of a polygon of rational corners; empty if there is none."""
-    heights = [dot(a, u) - b for u in polygon]
-    result = []
-    for i, (u, here) in enumerate(zip(polygon, heights, strict=True)):
-        before, there = polygon[i - 1], heights[i - 1]
-        if here * there < 0:
-            t = there / (there - here)
-            crossing = (before[0] + t * (u[0] - before[0]), before[1] + t * (u[1] - before[1]))
-            if crossing not in result:
-                result.append(crossing)
-        if here >= 0 and u not in result:
-            result.append(u)
-    return result
-
-
-@settings(max_examples=150, deadline=None)
-@given(seed=st.integers(0, 10**6))
-def test_a_cut_keeps_what_rational_arithmetic_keeps(seed):
-    rng = np.random.default_rng(seed)
-    polygon = random_polygon(rng)
-    reference = [(Fraction(x), Fraction(y)) for x, y in polygon.tolist()]
-    for _ in range(4):
-        angle, d = rng.uniform(0.0, 2.0 * np.pi), rng.normal(-1.0, 2.0)
-        nx, ny = float(np.cos(angle)), float(np.sin(angle))
-        normal = (Fraction(nx), Fraction(ny))
-        cut = rational_cut(reference, normal, Fraction(d))
-        if not cut:  # the face of least violation is left
-            highest = max(dot(normal, u) for u in reference)
-            cut = rational_cut(reference, normal, highest)
-        reference = cut
-        polygon = _core.polygon_cut(polygon, (nx, ny), d, 6.0)
-        wanted = np.array(reference, dtype=float)
-        for corners, others in ((polygon, wanted), (wanted, polygon)):
-            gaps = np.linalg.norm(corners[:, None] - others[None], axis=-1)
-            assert gaps.min(axis=1).max() < 1e-8
-
-
-@settings(max_examples=150, deadline=None)
-@given(seed=st.integers(0, 10**6), share=st.sampled_from([0.0, 1e-9, 1e-3, 1.0]))
-def test_the_minimum_on_a_polygon_meets_the_kkt_conditions(seed, share):
-    rng = np.random.default_rng(seed)
-    polygon = random_polygon(rng)
-    rows, targets = rng.normal(0.0, 1.0, (2, 2)), rng.normal(0.0, 5.0, 2)
-    rows[1] = rows[0] + share * rows[1]
-    u = np.array(_core.polygon_minimum(polygon, rows, targets, (0.3, 0.4), 6.0))
-    gradient = 2.0 * rows.T @ (rows @ u - targets)
-    # no corner, and so no point of the polygon, lies in a direction of descent
-    assert ((polygon - u) @ gradient).min() > -1e-7 * (1.0 + np.abs(targets).max())
-
-
-@pytest.mark.parametrize("d", [np.nan, np.inf, -np.inf, 1e300])
-def test_a_cut_leaves_a_polygon_within_the_polygon_whatever_the_line(d):
-    polygon = Box.symmetric(5.0).vertices()
-    for n in ((1.0, 0.0), (0.6, 0.8), (np.nan, 0.0)):
-        left = _core.polygon_cut(polygon, n, d, 8.0)
-        assert len(left) > 0
-        assert (np.abs(left) <= 5.0).all()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hcbf_robots.walkers import Walker
+from hcbf_robots import Command, Response, Walker
 from hcbf_robots.walkers.motion_monitor import MotionMonitor
-from hcbf_robots.walkers.walker_parts import Command
-from hcbf_robots.walkers.walker_response import Response
 
 HOLONOMIC = Walker.load("holonomic-cart")
 PERIOD = 0.05

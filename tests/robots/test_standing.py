@@ -11,8 +11,7 @@ import pytest
 import hcbf_robots
 from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import SafetyWarning
-from hcbf_robots import Command, Response, Robot, VelocityFilter
-from hcbf_robots.walkers import Walker
+from hcbf_robots import Command, Response, Robot, VelocityFilter, Walker
 from hcbf_robots.walkers.walker_response import assumed
 
 CARTS = Path(hcbf_robots.__file__).parent / "carts"

@@ -12,15 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hcbf_gym import loading
-from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import HcbfError, InvalidInputError, RobotModelError, UnknownNameError
-from hcbf_robots import carts
+from hcbf_gym import HcbfError, loading
+from hcbf_gym.barriers import BarrierSet
+from hcbf_gym.errors import InvalidInputError, RobotModelError, UnknownNameError
+from hcbf_robots import Command, Walker, carts
 from hcbf_robots.envs.walker_drive import WalkerDrive
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.walkers import Walker
 from hcbf_robots.walkers.walker_adapter import Adapter
-from hcbf_robots.walkers.walker_parts import Command
 
 sys.path.insert(0, str(Path(__file__).parent))
 from walkers import CARTS, LEARNED, go2, plain

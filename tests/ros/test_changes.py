@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.ros.drive import Drive
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.guidance.geodesic import Geodesic
+from hcbf_gym.guidance import Geodesic
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.ros import messages, parameters

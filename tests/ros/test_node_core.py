@@ -9,7 +9,7 @@ from benchmarks.ros import faults
 from benchmarks.ros.drive import ANGLES, HARDEST, SCAN, Drive
 from hcbf_gym import _core
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.guidance.geodesic import Geodesic
+from hcbf_gym.guidance import Geodesic
 from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.maps.scan import FINE
 from hcbf_robots.ros import sources

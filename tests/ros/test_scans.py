@@ -8,11 +8,11 @@ import pytest
 from benchmarks.ros.drive import ANGLES, SCAN, Drive
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots import Command, Response, Robot, VelocityFilter
 from hcbf_robots.maps import Scan, points_of
 from hcbf_robots.maps.scan import FINE
-from hcbf_robots.online import Command, Response, Robot, VelocityFilter
 from hcbf_robots.online.sample import placed
 from hcbf_robots.ros.sources import LONGEST_SWEEP, Beams
 

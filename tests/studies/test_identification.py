@@ -8,13 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.input_sets import Box
+from hcbf_gym.models import Box
+from hcbf_robots import Response, Walker
 from hcbf_robots.identification import command
 from hcbf_robots.identification.analysis import fit, late, respond
 from hcbf_robots.identification.identify import identify
-from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_margins import braked, uncertainty
-from hcbf_robots.walkers.walker_response import Response
 
 PERIOD = 0.02
 

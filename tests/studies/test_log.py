@@ -10,13 +10,11 @@ import pytest
 from drives import HEADER, drive, driven, recorded, write
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_robots import Command
+from hcbf_robots import Command, Response, Walker
 from hcbf_robots.identification import command
 from hcbf_robots.identification.analysis import respond
 from hcbf_robots.identification.identify import identify
 from hcbf_robots.identification.log import identify_log, read
-from hcbf_robots.online import Response
-from hcbf_robots.walkers import Walker
 
 PARTS = {
     "both": {},

@@ -41,15 +41,15 @@ def make_native():
     return Sb3VecEnv(make_vector("random", 2, "lex-cbf-qp"))
 
 
-@pytest.mark.parametrize("algorithm", [PPO, SAC])
 @pytest.mark.parametrize(
-    "make",
+    ("algorithm", "make"),
     [
-        lambda: DummyVecEnv([make_single] * 2),
-        lambda: SubprocVecEnv([make_single] * 2, start_method="spawn"),
-        make_native,
+        (PPO, lambda: DummyVecEnv([make_single] * 2)),
+        (PPO, lambda: SubprocVecEnv([make_single] * 2, start_method="spawn")),
+        (PPO, make_native),
+        (SAC, make_native),
     ],
-    ids=["dummy", "subprocess", "native"],
+    ids=["dummy", "subprocess", "native", "SAC"],
 )
 def test_sb3_learns_on_it_and_a_reloaded_policy_acts_identically(algorithm, make, tmp_path):
     env = make()

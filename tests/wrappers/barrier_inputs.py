@@ -5,24 +5,20 @@ same point.
 """
 
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 import hcbf_gym
-from hcbf_gym import models, scenarios, wrappers
-from hcbf_gym.barriers import Barrier, ConvexPolygon, Disc, Jet, Shapes
+from hcbf_gym import Estimate, models, scenarios, wrappers
+from hcbf_gym.barriers import ConvexPolygon, Disc, Shapes
 from hcbf_gym.envs.regions import RegionsEnv
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.models.plant import Estimate
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios.references import PointReference
-from hcbf_robots import maps
-from hcbf_robots.online import Robot, VelocityFilter
-from hcbf_robots.walkers.walker_parts import Command
-from hcbf_robots.walkers.walker_response import Response
+from hcbf_robots import Command, Response, Robot, VelocityFilter, maps
+from tests.worlds import World
 
 T = 0.02
 LIMIT = 5.0
@@ -99,25 +95,16 @@ class Input:
         return self.given
 
 
-@dataclass
-class World:
-    """The truth, and the samples of it.
+class Truth(World):
+    """The point, the samples of it, and whether the wall was entered in a period.
 
-    Args:
-        model: by which the point moves.
-        scene: what stands around.
-        lie: estimate → what the sensors say.
-        raises: whether the reader raises.
+    `lie` makes what the sensors report of an estimate; where it `raises`, the reader does.
     """
 
-    model: Any = field(default_factory=models.DoubleIntegrator)
-    scene: Scene = field(default_factory=Scene)
-    lie: Any = None
-    raises: bool = False
-
-    def __post_init__(self):
-        self.x, self.steps = np.zeros(4), 0
-        self.entered = False
+    def __init__(self, model=None, scene=None, lie=None):
+        super().__init__(model, T, LIMIT)
+        self.scene, self.lie, self.raises = scene or Scene(), lie, False
+        self.steps, self.entered = 0, False
 
     def estimate(self):
         if self.raises:
@@ -125,33 +112,14 @@ class World:
         truth = Estimate(self.x.copy(), time=T * self.steps)
         return truth if self.lie is None else self.lie(truth)
 
-    def move(self, u):
-        """Apply u for a period; look whether the wall is entered on the way."""
+    def advance(self, u):
         self.entered = False
         for k in range(20):
-            self.x = self.model.step(self.x, np.asarray(u, dtype=np.float64), T / 20)
+            self.x = self.model.step(self.x, u, T / 20)
             now = T * (self.steps + (k + 1) / 20)
             self.entered |= bool(self.scene.distance(self.x, now) < -1e-6)
         self.steps += 1
-
-
-class Point(gym.Env):
-    """The world as an environment."""
-
-    observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
-    action_space = gym.spaces.Box(-LIMIT, LIMIT, (2,), np.float64)
-
-    def __init__(self, world):
-        self.world = world
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        return self.world.x.copy(), {}
-
-    def step(self, u):
-        assert self.action_space.contains(u)
-        self.world.move(u)
-        return self.world.x.copy(), 0.0, False, False, {}
+        return self.x
 
 
 class Single:
@@ -166,7 +134,7 @@ class Single:
         plant = hcbf_gym.Plant(
             world.model, given, lambda *_: world.estimate(), period=period, goal=goal, max_age=0.1
         )  # fmt: skip
-        self.env = wrappers.SafetyFilter(Point(world), plant=plant, guidance=guidance, **options)
+        self.env = wrappers.SafetyFilter(world, plant=plant, guidance=guidance, **options)
 
     def reset(self):
         return self.env.reset(seed=0)[1]["safety_filter"]
@@ -209,7 +177,7 @@ class Changed(Single):
         inner._batch.x[0] = pushed
         world.x = inner.rom_state.copy()
         report = self.env.step(u.astype(np.float32))[4]["safety_filter"]
-        world.move(report["u_safe"])
+        world.advance(report["u_safe"])
         world.x = inner.rom_state.copy()
         return report
 
@@ -250,7 +218,7 @@ class Batched:
         if not self.world.raises:
             assert report["status"][[0, 2]].max() < FilterStatus.BACKUP or is_scene(report)
         one = self.of_one(report)
-        self.world.move(one["u_safe"])
+        self.world.advance(one["u_safe"])
         return one
 
     @staticmethod
@@ -309,17 +277,8 @@ class Driven:
         wanted = (3.0 * np.sign(u[0]), 0.0, 0.0)
         now = None if reported.age is None else reported.time + reported.age
         command, report = self.filter.step(wanted, pose, twist, reported.time, now)
-        world.move(np.clip((command[:2] - world.x[2:]) / T, -LIMIT, LIMIT))
+        world.advance(np.clip((command[:2] - world.x[2:]) / T, -LIMIT, LIMIT))
         return report
-
-
-@dataclass(frozen=True)
-class Broken(Barrier):
-    """A condition of one's own whose derivatives are no numbers."""
-
-    def jet(self, x, t=0.0):
-        n = len(x)
-        return Jet(1.0, np.full(n, np.nan), np.zeros((n, n)), 0.0, np.zeros(n), 0.0)
 
 
 def quietly(call, *arguments):

@@ -3,25 +3,19 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from point_mass import AHEAD, DISC, PERIOD, filtered, quietly
 
-from hcbf_gym import barriers, wrappers
+from hcbf_gym import Estimate, barriers, wrappers
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
-
-
-class Own(barriers.PlanarBarrier):
-    """A user's own wall."""
-
-    def planar_jet(self, q):
-        return q[1] + 3.0, np.array([0.0, 1.0]), np.zeros((2, 2))
+from tests.worlds import OwnDisc
 
 
 def test_an_action_that_is_refused_is_no_step():
-    env = filtered(lambda x: Estimate(x, time=env.unwrapped.clock), listed=(Own("own", 1),))
+    env = filtered(
+        lambda x: Estimate(x, time=env.unwrapped.clock), listed=(OwnDisc("own", 1, (0.0, 9.0)),)
+    )
     env.unwrapped.clock = 0.0
     env.reset(seed=0)
     for _ in range(3):
@@ -68,78 +62,6 @@ def test_a_list_that_is_changed_in_place_is_seen():
     assert report["slack"].shape == (0,)
     listed.append(barriers.Disc("soft", 2, center=(0.0, 0.0), radius=5.0))  # no rank 1 in sight
     assert quietly(env)["status"] in (FilterStatus.RELAXED, FilterStatus.SAFE)
-
-
-SENSORS = {
-    "frozen": lambda: lambda x: np.array([0.3, 0.1, *x[2:]]),
-    "swapped": lambda: lambda x: np.array([x[1], x[0], *x[2:]]),
-    "half": lambda: lambda x: np.array([0.5 * x[0], 0.5 * x[1], *x[2:]]),
-    "twice": lambda: lambda x: np.array([2.0 * x[0], 2.0 * x[1], *x[2:]]),
-    "a fifth more": lambda: lambda x: np.array([1.2 * x[0], 1.2 * x[1], *x[2:]]),
-    "velocity of another": lambda: lambda x: np.array([*x[:2], 0.0, 0.0]),
-}
-
-
-def late(steps):
-    waiting = [np.zeros(2)] * steps
-
-    def reported(x):
-        waiting.append(x[:2].copy())
-        return np.array([*waiting.pop(0), *x[2:]])
-
-    return reported
-
-
-def seconds_until_warned(sensor, policy, most=3.0):
-    env = filtered(sensor, listed=(barriers.Disc("far", 1, center=(90.0, 0.0), radius=0.5),))
-    env.reset(seed=0)
-    moving = 0.0
-    for step in range(round(most / PERIOD)):
-        report = quietly(env, policy(step * PERIOD, env.unwrapped.x))
-        moving += PERIOD * (np.linalg.norm(env.unwrapped.x[2:]) > 0.1)
-        if report["reason"]:
-            return moving
-    return np.inf
-
-
-@pytest.mark.parametrize("sensor", SENSORS)
-def test_a_position_that_does_not_move_as_the_velocity_does_is_noticed(sensor):
-    def drives(t, x):
-        return np.clip(5.0 * (np.array([0.8, 0.1]) - x[2:]), -2.0, 2.0)
-
-    assert seconds_until_warned(SENSORS[sensor](), drives) <= 0.5
-
-
-def test_a_position_that_comes_late_is_noticed_at_a_change_of_speed():
-    def starts(t, x):
-        return np.clip(5.0 * (np.array([0.8, 0.0]) - x[2:]), -2.0, 2.0)
-
-    assert seconds_until_warned(late(5), starts) <= 0.5
-
-
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1))
-def test_a_true_state_is_never_suspected_whatever_is_done(seed):
-    rng = np.random.default_rng(seed)
-    held = iter(rng.uniform(-5.0, 5.0, (100, 2)).repeat(rng.integers(1, 20), axis=0))
-    assert seconds_until_warned(lambda x: x, lambda t, x: next(held), 1.9) == np.inf
-
-
-def test_noise_that_is_declared_is_no_alarm():
-    rng = np.random.default_rng(0)
-
-    def noisy(x):
-        return Estimate(
-            x + rng.normal(0.0, [0.02, 0.02, 0.03, 0.03]),
-            covariance=np.diag([0.02, 0.02, 0.03, 0.03]) ** 2,
-            model=None,
-        )
-
-    held = iter(rng.uniform(-2.0, 2.0, (40, 2)).repeat(25, axis=0))
-    env = filtered(noisy, listed=(barriers.Disc("far", 1, center=(90.0, 0.0), radius=0.5),))
-    env.reset(seed=0)
-    reasons = {int(quietly(env, next(held))["reason"]) for _ in range(900)}
-    assert Reason.MOTION not in reasons
 
 
 @pytest.mark.parametrize("solver", [None, "daqp"])

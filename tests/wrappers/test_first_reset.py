@@ -2,17 +2,15 @@
 
 import dataclasses
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector import SyncVectorEnv
 
 import hcbf_gym
 from hcbf_gym import models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Coverage, Reason
+from hcbf_gym.models import Coverage, Reason
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from tests.worlds import World
 
@@ -48,25 +46,15 @@ class Sensor:
         return read
 
 
-class Many(VectorEnv):
-    num_envs, metadata = N, {"autoreset_mode": AutoresetMode.NEXT_STEP}
-    single_action_space = World(limit=2.0).action_space
-    action_space = batch_space(single_action_space, N)
-    single_observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
-
-    def reset(self, *, seed=None, options=None):
-        return np.zeros((N, 1), np.float32), {}
-
-    def step(self, actions):
-        never = np.zeros(N, dtype=np.bool_)
-        return np.zeros((N, 1), np.float32), np.zeros(N), never, never, {}
+def robots():
+    return SyncVectorEnv([lambda: World(limit=2.0)] * N)
 
 
 @pytest.mark.parametrize("name", REASONS)
 @pytest.mark.parametrize("many", [False, True])
 def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
     sensor = Sensor(many)
-    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, World(limit=2.0))
+    wrap, env = (VectorSafetyFilter, robots()) if many else (SafetyFilter, World(limit=2.0))
     safe = wrap(env, plant=sensor.plant, guidance="geodesic")
     action = np.zeros((N, 2)) if many else np.zeros(2)
     sensor.raises = name
@@ -92,7 +80,7 @@ def test_every_reader_raises_at_the_first_reset_and_brakes_later(many, name):
 
 def test_the_message_names_the_reader():
     sensor = Sensor(many=True)
-    safe = VectorSafetyFilter(Many(), plant=sensor.plant)
+    safe = VectorSafetyFilter(robots(), plant=sensor.plant)
     sensor.raises = "state"
     with pytest.raises(KeyError) as raised:
         safe.reset()
@@ -104,7 +92,7 @@ def test_covered_is_read_at_every_step_and_ends_within_an_episode(many):
     answers = [Coverage.COVERED]
     sensor = Sensor(many)
     plant = dataclasses.replace(sensor.plant, covered=lambda *_: answers[0])
-    wrap, env = (VectorSafetyFilter, Many()) if many else (SafetyFilter, World(limit=2.0))
+    wrap, env = (VectorSafetyFilter, robots()) if many else (SafetyFilter, World(limit=2.0))
     safe = wrap(env, plant=plant)
     action = np.zeros((N, 2)) if many else np.zeros(2)
     _, info = safe.reset()

@@ -7,10 +7,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym import Plant, models
+from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import HalfPlane, SpeedLimit, braking
-from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Estimate
+from hcbf_gym.models import Box
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots import Command
 from hcbf_robots.walkers.walker_adapter import Adapter

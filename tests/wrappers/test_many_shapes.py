@@ -5,7 +5,6 @@ import pytest
 from point_mass import AHEAD, filtered, quietly
 
 from hcbf_gym import barriers
-from hcbf_gym.errors import InvalidInputError
 
 
 def test_360_discs_are_one_entry_and_filter_as_360_objects_do():
@@ -22,23 +21,6 @@ def test_360_discs_are_one_entry_and_filter_as_360_objects_do():
         np.testing.assert_array_equal(first["u_safe"], second["u_safe"])
         assert first["status"] == second["status"]
     assert first["slack"].shape == (360,)
-
-
-@pytest.mark.parametrize(
-    ("shape", "values"),
-    [
-        ("disc", [[0.0, 0.0, -1.0]]),
-        ("disc", [[0.0, np.nan, 1.0]]),
-        ("disc", [[0.0, 0.0]]),
-        ("disc", "discs"),
-        ("half-plane", [[1.0, 1.0, 0.0]]),
-        ("convex-polygon", [[[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]]),
-        ("star", [[0.0, 0.0, 1.0]]),
-    ],
-)
-def test_shapes_that_are_none_are_refused(shape, values):
-    with pytest.raises(InvalidInputError, match=r"got|unknown"):
-        barriers.Shapes("many", 1, shape, values)
 
 
 @pytest.mark.parametrize("shape", ["disc", "half-plane", "convex-polygon"])

@@ -1,5 +1,6 @@
 """Arguments stay the caller's, who may change them; so do returned values."""
 
+import itertools
 from collections import OrderedDict, deque
 from typing import NamedTuple
 
@@ -8,18 +9,16 @@ import numpy as np
 import pytest
 
 from hcbf_gym import BatchFilter, Plant, models, wrappers
-from hcbf_gym.barriers import BarrierSet, Disc, PlanarBarrier
-from hcbf_gym.barriers.class_k import LinearClassK, LogClassK
-from hcbf_gym.barriers.general import GeneralRows
+from hcbf_gym.barriers import BarrierSet, Disc, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.barriers.many import Several
 from hcbf_gym.barriers.prepared import Prepared, prepared
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.models.plant import Coverage
+from hcbf_gym.models import Coverage
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan
-from tests.worlds import World
+from tests.worlds import OwnDisc, World
 
-MODELS = (models.DoubleIntegrator(), models.SingleIntegrator())
+MODELS = (models.DoubleIntegrator(), models.SingleIntegrator(), models.Unicycle())
 
 
 def post(at):
@@ -54,7 +53,7 @@ def moving():
 
 def single(barriers, model=MODELS[0]):
     plant = Plant(model, barriers, lambda env, *_: env.x.copy(), period=0.02)
-    env = wrappers.SafetyFilter(still(model), plant=plant)
+    env = wrappers.SafetyFilter(still(model), plant=plant, allow_late_inputs=True)
     env.reset(seed=0)
     return lambda: env.step(np.zeros(model.n_u))[4]["safety_filter"]["h"][-1]
 
@@ -66,14 +65,21 @@ def batch(barriers):
     return lambda: filt(np.zeros((2, 2)), np.zeros((2, 4)))[1]["h"][1, -1]
 
 
+def loop(barriers):
+    safe, times = VelocityFilter("cart", barriers, period=0.02), itertools.count()
+    return lambda: safe.step((0.0, 0.0), *np.zeros((2, 3)), 0.02 * next(times))[1]["h"][-1]
+
+
 INPUTS = {
     "a list": lambda one: single([one]),
     "a list, any model": lambda one: single([one], MODELS[1]),
+    "a list, a vehicle": lambda one: single([one], MODELS[2]),
     "a reader": lambda one: single(lambda *_: [one]),
     "a list for a batch": lambda one: batch([one]),
     "lists for a batch": lambda one: batch([[one], [one]]),
     "deques for a batch": lambda one: batch([deque([one]), deque([one])]),
     "tuples with names for a batch": lambda one: batch([Pair(one), Pair(one)]),
+    "a loop": lambda one: loop([one]),
 }
 
 
@@ -172,19 +178,10 @@ def HERE(some):  # noqa: N802
     return np.tile([0.5, 0.0, 0.0, 0.0], (count, 1)), np.zeros(count)
 
 
-class Own(PlanarBarrier):
-    """A wall of one's own."""
-
-    at = 0.0
-
-    def planar_jet(self, q):
-        return self.at - q[0], np.array([-1.0, 0.0]), np.zeros((2, 2))
-
-
 def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
     """Whatever the other requests between two lines."""
     rows = GeneralRows(MODELS[0], LogClassK(), LinearClassK(2.0))
-    mine, others = [(Own("mine", 1),)], [(Own("another's", 1),)]
+    mine, others = [(OwnDisc("mine", 1),)], [(OwnDisc("another's", 1),)]
     compare = Prepared.is_of
 
     def interrupted(one, other):

@@ -47,20 +47,6 @@ def test_unknown_options_of_a_reset_are_refused_with_the_known_ones(env):
         env.reset(seed=0, options={"scen": "random"})
 
 
-@pytest.mark.parametrize(
-    "action", [np.array([1j, 0.0]), 1j, "ab", ["a", "b"], {}, {"u": 1.0}, None, [[1.0], 2.0]]
-)
-@pytest.mark.parametrize("filtered", [False, True])
-def test_an_action_that_is_no_pair_of_real_numbers_is_refused(filtered, action):
-    env = single(disable_env_checker=True)
-    env = wrappers.SafetyFilter(env, "lex-cbf-qp") if filtered else env
-    env.reset(seed=0)
-    before = env.unwrapped.rom_state
-    with pytest.raises(InvalidInputError, match="expected"):
-        env.step(action)
-    np.testing.assert_array_equal(env.unwrapped.rom_state, before)
-
-
 @pytest.mark.parametrize("env", ["HCBF-Regions-v0", "HCBF-A1Regions-v0"])
 def test_a_wrapper_inside_that_changes_the_actions_is_refused_and_the_order_named(env):
     env = gym.make(env, scenario="random")
@@ -108,22 +94,6 @@ def test_a_step_before_the_first_reset_is_refused():
     for env in (single().unwrapped, native()):
         with pytest.raises(InvalidInputError, match="reset"):
             env.step(np.zeros(env.action_space.shape))
-
-
-def test_the_environment_with_a_plant_given_by_hand_has_a_spec_to_make_it_from():
-    env = single()
-    plant = hcbf_gym.Plant(
-        model=models.DoubleIntegrator(),
-        barriers=lambda env, observation, info: env.scenario.barriers,
-        state=lambda env, observation, info: env.rom_state,
-        period=0.02,
-    )
-    env = wrappers.HoldAction(wrappers.SafetyFilter(env, "lex-cbf-qp", plant=plant), 5)
-    again = gym.make(env.spec)
-    assert again.get_wrapper_attr("plant") is plant
-    with pytest.raises((TypeError, ValueError), match="function"):
-        env.spec.to_json()
-    assert isinstance(env.spec, EnvSpec)
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,20 @@
-"""The report of a robot that is at rest inside a strict region."""
+"""What is reported of a step, from every core, and that a robot stops where U can stop it."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from hcbf_gym.barriers import Disc
-from hcbf_gym.models import DoubleIntegrator
-from hcbf_gym.models.plant import Uncertainty
+import hcbf_gym  # noqa: F401 - registers the environments
+from hcbf_gym.barriers import Disc, HalfPlane, PlanarBarrier
+from hcbf_gym.filter import bound
+from hcbf_gym.models import DoubleIntegrator, Uncertainty
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.wrappers import SafetyFilter
-from tests.wrappers.point_mass import filtered, quietly
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.worlds import OwnDisc
+from tests.wrappers.point_mass import AHEAD, filtered, quietly
 
 
 @pytest.mark.parametrize("solver", [None, "daqp"])
@@ -76,3 +78,102 @@ def test_whichever_core_answers_the_body_counts(model, solver, body, unsafe):
         env.reset(seed=0)
     status = quietly(env, np.zeros(2))["status"]
     assert (status == FilterStatus.UNSAFE) == unsafe
+
+
+U = np.array([1.0, 0.5])
+
+
+def paper(solver=None):
+    env = gym.make("HCBF-Regions-v0", scenario="paper-simulation")
+    return SafetyFilter(env, solver=solver)
+
+
+@pytest.mark.parametrize("solver", [None, "daqp"])
+def test_one_plant_reports_every_field_as_an_array_or_a_scalar_of_numpy(solver):
+    env = paper(solver)
+    _, at_reset = env.reset(seed=0)
+    *_, at_step = env.step(U)
+    for reported in (at_reset["safety_filter"], at_step["safety_filter"]):
+        assert {*(bound.plant_dtype(2).names or ()), *(bound.ROW.names or ())} <= set(reported)
+        for name in bound.plant_dtype(2).names or ():
+            kind = bound.plant_dtype(2)[name]
+            assert np.shape(reported[name]) == kind.shape
+            assert np.asarray(reported[name]).dtype == kind.base
+            assert isinstance(reported[name], np.ndarray | np.generic)
+        for name in bound.ROW.names or ():
+            assert reported[name].shape == reported["slack"].shape
+
+
+def test_a_batch_reports_the_same_fields_with_a_leading_axis():
+    envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3), guidance="geodesic")
+    envs.reset(seed=0)
+    *_, info = envs.step(np.tile(U, (3, 1)))
+    reported = info["safety_filter"]
+    one = paper()
+    one.reset(seed=0)
+    *_, of_one = one.step(U)
+    assert {name for name in reported if not name.startswith("_")} == set(of_one["safety_filter"])
+    assert all(len(value) == 3 for value in reported.values())
+
+
+def test_a_report_is_not_changed_by_the_next_step():
+    envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=2))
+    for env, u in ((paper(), U), (envs, np.tile(U, (2, 1)))):
+        env.reset(seed=0)
+        *_, info = env.step(u)
+        reported = info["safety_filter"]
+        before = {name: np.array(value) for name, value in reported.items()}
+        for _ in range(3):
+            env.step(-3.0 * u)
+        for name, value in before.items():
+            assert np.array_equal(reported[name], value)
+
+
+WALL = HalfPlane("wall", 1, normal=(-1.0, 0.0), offset=-2.0)
+
+
+@dataclass(frozen=True)
+class OwnWall(PlanarBarrier):
+    """A wall without a core."""
+
+    name: str = "own wall"
+    priority: int = 1
+
+    def planar_jet(self, q):
+        return 2.0 - q[0], np.array([-1.0, 0.0]), np.zeros((2, 2))
+
+
+CORES = {
+    "compiled": {},
+    "daqp": {"solver": "daqp"},
+    "another model": {"model": DoubleIntegrator(drag=0.1)},
+}
+
+
+@pytest.mark.parametrize("wall", [WALL, OwnWall()], ids=["shape", "own"])
+@pytest.mark.parametrize("core", CORES)
+def test_a_robot_that_can_still_stop_before_a_wall_does(core, wall):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        env = filtered(listed=(wall,), **CORES[core])
+        env.reset(seed=0)
+        env.unwrapped.x = np.array([1.6, 0.0, 1.9, 0.0])  # .361 m of .4 m stop it
+        quietly(env, np.zeros(2))  # this state is news
+    least = min((quietly(env, AHEAD), 2.0 - env.unwrapped.x[0])[1] for _ in range(150))
+    assert least >= -1e-6
+
+
+def test_a_condition_without_a_core_keeps_what_h_dips_between_two_samples():
+    env = filtered(listed=(OwnDisc("own disc", 1, (2.0, 0.0)),), period=0.02)
+    env.reset(seed=0)
+    env.unwrapped.x = np.zeros(4)
+    least = np.inf
+    for _ in range(300):
+        before = env.unwrapped.x.copy()
+        report = quietly(env, AHEAD)
+        u = report["u_safe"]
+        for part in np.linspace(0.0, 0.02, 11):
+            at = before[:2] + part * before[2:] + 0.5 * part**2 * u
+            least = min(least, float(np.hypot(at[0] - 2.0, at[1]) - 0.5))
+    assert 0.0 <= least < 0.05
+    assert report["margin"][0] >= 0.499 * np.hypot(5.0, 5.0) * 0.02**2

@@ -6,16 +6,16 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import hcbf_gym
-from hcbf_gym import models
+from hcbf_gym import Estimate, models
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.errors import SafetyWarning
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import VectorSafetyFilter
 from hcbf_gym.wrappers.infos import joined, reported
+from tests.pairs import pairwise
 
 T, N = 0.05, 3
-MODES = list(AutoresetMode)
 
 
 class Robot(gym.Env):
@@ -90,10 +90,13 @@ def made(mode, dtype=np.float64, form="array", guided=True):
     return robots, VectorSafetyFilter(env, plant=plant, guidance="geodesic" if guided else None)
 
 
-@pytest.mark.parametrize("form", ["array", "dict", "object"])
-@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("key", ["state", "goal"])
+@pytest.mark.parametrize(
+    ("key", "mode", "dtype", "form"),
+    pairwise(
+        ("state", "goal"), AutoresetMode, (np.float64, np.float32, np.int64),
+        ("array", "dict", "object"),
+    ),
+)  # fmt: skip
 @pytest.mark.filterwarnings("ignore::hcbf_gym.errors.SafetyWarning")
 def test_a_plant_that_does_not_report_brakes_alone(key, mode, dtype, form):
     robots, safe = made(mode, dtype, form)

@@ -1,10 +1,11 @@
-"""Guidance through ranks that are relaxed: a robot at the edge of a strict one continues, too."""
+"""Guidance through ranks that are relaxed, and robots that arrive where one did not."""
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from hcbf_gym.barriers import Disc, HalfPlane
+from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.guidance import Geodesic
 from hcbf_gym.policies import PDTracker
 from hcbf_gym.scenarios import Scenario
@@ -65,3 +66,16 @@ def test_from_within_a_strict_clearance_the_way_leads_out_by_the_shortest():
         (a,), _ = way.rows(state, np.zeros(1))
         assert a[1] > 0.6  # to the point .6 m further, of which the first .25 m lead out
         assert way.reachable(state) == 2
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(("seed", "seconds"), [(96_028, 28.0), (96_045, 24.0)])
+def test_a_cart_whose_policy_turns_it_back_from_its_path_arrives(seed, seconds):
+    """It turned to its path and, as u* has it, from there again, to and fro in one place."""
+    seen = AttackedEpisode(
+        "pd", "random-map", seed, "hcbf_robots:HCBF-WalkerRegions-v0", {"robot": "cart"},
+        {"guidance": "geodesic"},
+    ).run()  # fmt: skip
+    assert seen.reached
+    assert min(seen.least_h, seen.least_speed_h) >= 0.0
+    assert seen.seconds <= seconds
