@@ -6,31 +6,32 @@ import warnings
 import numpy as np
 import pytest
 
+from benchmarks import command_tracking
 from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym.barriers import HalfPlane
 from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import VelocityFilter
-from tests.envs.faults import FAULTS, drive
 
 ALARMS = Reason.RESPONSE, Reason.INPUT, Reason.MOTION, Reason.SLIP, Reason.LAG
 WALL = [HalfPlane("wall", 1, (-1.0, 0.0), -20.0)]
 
 
+FAULTS = [(robot, fault) for robot in ("cart", "a1") for fault in command_tracking.faults_of(robot)]
+
+
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    ("robot", "fault"), [(robot, k) for robot in FAULTS for k in FAULTS[robot]]
-)
+@pytest.mark.parametrize(("robot", "fault"), FAULTS)
 def test_a_fault_is_warned_of_before_a_region_is_entered(robot, fault):
-    entered, alarmed, reason = drive(robot, fault, "nearest", seed=11)
-    assert alarmed < entered
-    assert reason in ALARMS
+    seen = command_tracking.run_one(robot, fault, k=0, seed=11)
+    assert seen.alarmed < seen.entered
+    assert seen.reason in ALARMS
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("robot", ["cart", "holonomic-cart"])
 def test_an_undisturbed_robot_raises_no_alarm(robot):
-    assert drive(robot, None, "bang-bang", seed=12)[1] == math.inf
+    assert command_tracking.run_one(robot, None, k=2, seed=12).alarmed == math.inf
 
 
 @pytest.mark.parametrize("seed", [13, 14])

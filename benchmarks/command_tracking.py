@@ -1,0 +1,172 @@
+"""Is an undeclared fault between command and motion noticed? Fresh seeds, on every robot.
+
+``python -m benchmarks.command_tracking --robots cart go1`` prints, for each robot and fault: in how
+many episodes there was an alarm; how many entered a strict region while it was ignored, in how many
+of them it came before; how many still enter with ``on_alarm="brake"``.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import tyro
+
+from benchmarks import faults
+from benchmarks.common import parallel
+from benchmarks.velocity_loops import LoopEpisode
+from hcbf_gym import wrappers
+from hcbf_gym.evaluation.attacked import alarm_of, policy_of
+from hcbf_gym.evaluation.attacks import ATTACKS
+from hcbf_gym.evaluation.episode import samples
+
+CONTRACTS = "tests/robots/contracts"
+ROBOTS = {
+    "cart": "cart",
+    "holonomic-cart": "holonomic-cart",
+    "go1": f"{CONTRACTS}/go1.json",
+    "berkeley_humanoid": f"{CONTRACTS}/berkeley_humanoid.json",
+    "a1": None,
+}
+"""Contracts; the A1, which follows accelerations, has its own environment and alarms."""
+POLICIES = (*ATTACKS, "pd")
+FAMILIES = ("random", "random-moving")
+SEED, UNDISTURBED_SEED, LOOP_SEED, SHARE_SEED = 9_310_000, 9_720_000, 9_810_000, 9_910_000
+ROUND, MOST_ROUNDS = len(FAMILIES) * len(POLICIES), 60
+LENGTH = 1000
+"""Steps of an episode with a fault, 20 s; undisturbed ones take what time slow robots have."""
+SHARES = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.4, 1.5)  # of a command, executed
+UNBRAKED = "floor .03"  # on which a cart cannot brake
+
+
+def faults_of(robot: str) -> dict[str, faults.Fault]:
+    """Return the faults of a robot."""
+    return faults.A1 if ROBOTS[robot] is None else faults.WALKER
+
+
+def environment(robot: str, family: str, capped: bool) -> Any:
+    """Return a robot's environment; capped: at 0.8 m/s, where its environment takes a cap."""
+    options: dict[str, Any] = {"scenario": family, "disable_env_checker": True}
+    if ROBOTS[robot] is None:
+        return gym.make("HCBF-A1Regions-v0", **options)
+    options |= {"v_max": 0.8} if capped else {}
+    return gym.make("hcbf_robots:HCBF-WalkerRegions-v0", robot=ROBOTS[robot], **options)
+
+
+class Seen(NamedTuple):
+    """When an episode entered a strict region, and when its filter alarmed [steps]; ∞: never."""
+
+    entered: float = math.inf
+    alarmed: float = math.inf
+    reason: int = 0
+
+
+def run_one(
+    robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str = "warn"
+) -> Seen:
+    """Run the k-th episode of a fault; a number is the executed share of the command."""
+    capped = bool(k // ROUND % 2)
+    env: Any = wrappers.SafetyFilter(environment(robot, FAMILIES[k % 2], capped), on_alarm=on_alarm)
+    inner, seen = env.unwrapped, Seen()
+    walk = samples(env, policy_of(POLICIES[k // 2 % len(POLICIES)], env, seed), seed)
+    info = next(walk).info
+    strict = [j for j, b in enumerate(inner.barriers) if b.priority == 1 and b.reads_position]
+    if info["min_h"][strict].min() < 0.0:
+        return seen
+    if fault is not None:
+        put = faults_of(robot)[fault] if isinstance(fault, str) else faults.follows(fault)
+        put(inner.drive)
+    most = None if fault is None else LENGTH
+    for step, (_, info, *_) in enumerate(itertools.islice(walk, most), 1):
+        if alarm_of(info) and seen.alarmed == math.inf:
+            seen = seen._replace(alarmed=step, reason=alarm_of(info))
+        if info["min_h"][strict].min() < 0.0:
+            seen = seen._replace(entered=min(seen.entered, step))
+    env.close()
+    return seen
+
+
+def pooled(robot: str, wanted: int) -> Iterator[str]:
+    """Yield the lines of a robot's faults, in rounds until so many episodes entered."""
+    seen: dict[str, list[tuple[tuple[Any, ...], Seen]]] = {name: [] for name in faults_of(robot)}
+    for turn in range(MOST_ROUNDS):
+        numbers = range(turn * ROUND, (turn + 1) * ROUND)
+        jobs = [(robot, name, k, SEED + k) for name in seen for k in numbers]
+        for job, one in zip(jobs, parallel(run_one, jobs), strict=True):
+            seen[job[1]].append((job, one))
+        if sum(one.entered < math.inf for those in seen.values() for _, one in those) >= wanted:
+            break
+    warned = braked = apart = total = 0
+    for name, those in seen.items():
+        entered = [(job, one) for job, one in those if one.entered < math.inf]
+        again = parallel(run_one, ((*job, "brake") for job, _ in entered))
+        before = sum(one.alarmed < one.entered for _, one in entered)
+        still = sum(one.entered < math.inf for one in again)
+        warned, total = warned + before, total + len(entered)
+        if name != UNBRAKED:
+            braked, apart = braked + still, apart + len(entered)
+        alarmed = sum(one.alarmed < math.inf for _, one in those)
+        yield (
+            f"{name}: {len(those)} episodes, alarm in {alarmed}, entered {len(entered)}, "
+            f"warned before {before}, enter with brake {still}"
+        )
+    yield f"pooled: warned before {warned} of {total}, enter with brake {braked} of {apart}"
+
+
+def undisturbed(robot: str, count: int) -> str:
+    """Return how many undisturbed episodes alarmed."""
+    seen = parallel(run_one, ((robot, None, k, UNDISTURBED_SEED + k) for k in range(count)))
+    reasons = [(k, one.reason) for k, one in enumerate(seen) if one.reason]
+    return f"undisturbed: {len(reasons)} alarms in {count} episodes {reasons}"
+
+
+def shares(robot: str, count: int) -> Iterator[str]:
+    """Yield in how many episodes a share of the command is seen."""
+    for share in SHARES:
+        seen = parallel(run_one, ((robot, share, k, SHARE_SEED + k) for k in range(count)))
+        alarmed = sum(one.alarmed < math.inf for one in seen)
+        yield f"{share:g} of the command: alarm in {alarmed} of {count} episodes"
+
+
+def loops(count: int) -> str:
+    """Return how many loops of `VelocityFilter` alarmed, 30 % of the messages lost, with jitter."""
+    episodes = [
+        LoopEpisode(
+            ("cart", "holonomic-cart")[k % 2], tuple(ATTACKS)[k // 2 % len(ATTACKS)],
+            FAMILIES[k // 16 % 2], LOOP_SEED + k, (20.0, 50.0, 100.0)[k % 3], 1.2, lost=0.3,
+        )
+        for k in range(count)
+    ]  # fmt: skip
+    seen = parallel(LoopEpisode.run, ((one,) for one in episodes))
+    reasons = [(k, one.alarm) for k, one in enumerate(seen) if one.alarm]
+    return f"VelocityFilter: {len(reasons)} alarms in {count} loops {reasons}"
+
+
+def main(
+    robots: tuple[str, ...] = tuple(ROBOTS),
+    entering: int = 100,
+    calm: int = 300,
+    loop: int = 100,
+    share: int = 36,
+) -> None:
+    """Print what is seen.
+
+    Args:
+        robots: names of `ROBOTS`.
+        entering: episodes that enter, of each robot.
+        calm: undisturbed episodes of each robot.
+        loop: loops of `VelocityFilter`.
+        share: episodes of each executed share of the command.
+    """
+    print(loops(loop), flush=True)
+    for robot in robots:
+        executed = () if ROBOTS[robot] is None else shares(robot, share)
+        for line in itertools.chain([undisturbed(robot, calm)], pooled(robot, entering), executed):
+            print(f"{robot}: {line}", flush=True)
+
+
+if __name__ == "__main__":
+    from benchmarks import command_tracking  # by its own name, under which workers find it
+
+    tyro.cli(command_tracking.main)
