@@ -142,7 +142,8 @@ def a1_episode(cell: Cell, seed: int) -> Outcome:
 def _walked(env: Any, act: Compared, seed: int) -> Outcome:
     """Walk the scenes of an environment until all goals are reached, or the episodes end."""
     inner, walk, count = env.unwrapped, samples(env, act, seed), len(act.wanted)
-    least = np.atleast_2d(next(walk).info["min_h"]).copy()
+    info = next(walk).info
+    least = np.atleast_2d(info["min_h"]).copy()
     scenes = getattr(inner, "scenes", None) or [inner.scenario]
     goal, radius = np.array([one.goal for one in scenes]), scenes[0].goal_radius
     reached, seconds = np.zeros(count, dtype=np.bool_), np.full(count, np.inf)
@@ -163,8 +164,10 @@ def _walked(env: Any, act: Compared, seed: int) -> Outcome:
     env.close()
     final = np.where(reached, 0.0, distance)
     fell = np.zeros_like(reached) | (np.asarray(info.get("fallen", 0.0)) > 0.0)
-    of_time, priority = np.array([deadlock, change]) / steps, inner.barrier_set.priority.copy()
-    return Outcome(reached & ~fell, seconds, least, priority, *of_time, final, fell)
+    return Outcome(
+        reached & ~fell, seconds, least, inner.barrier_set.priority.copy(), deadlock / steps,
+        change / steps, final, fell,
+    )  # fmt: skip
 
 
 def run(quick: bool) -> dict[str, Any]:
