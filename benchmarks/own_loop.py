@@ -127,14 +127,7 @@ def loop(
 ) -> Driven:
     """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes.
 
-    Args:
-        safe: the filter.
-        robot: the robot.
-        planner: pose → nominal command.
-        seconds: how long at most.
-        seed: of what is lost and late.
-        rig: what is around the robot, and between it and the filter.
-        until: pose → whether it has arrived.
+    The seed decides what is lost and late; `until` returns whether a pose has arrived.
     """
     rng, link = np.random.default_rng(seed), rig.link
     regions = BarrierSet([safe.barriers if rig.walls is None else rig.walls])

@@ -43,13 +43,7 @@ def least_while_held(
 ) -> Array:
     """Return the least distance (N,) from any region, seen from all places where the robot may be.
 
-    Args:
-        scenes: N of them.
-        x: (N, 4) at the sample.
-        u: (N, 2) that is held.
-        t: of the sample [s].
-        period: of the hold [s].
-        spread: (looks + 1, 2, 2) what a unit vector is multiplied by to be an error.
+    `spread` (looks + 1, 2, 2) is what a unit vector is multiplied by to be an error.
     """
     looks, count = len(spread) - 1, len(x)
     s = period * np.arange(looks + 1)[:, None] / looks

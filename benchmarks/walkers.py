@@ -106,13 +106,9 @@ def loops(robot: str, count: int) -> list[LoopEpisode]:
 def episodes_part(
     title: str, field: str, make: Callable[[str, int], Sequence[Any]], most: int
 ) -> Table:
-    """Run what is missing of a part, `most` episodes of a robot, and return its table.
+    """Run what is missing of a part, and return its table.
 
-    Args:
-        title: of the table.
-        field: of `Robot`, with the number of episodes.
-        make: (robot, number) → episodes.
-        most: of them.
+    A field of `Robot` has the number of episodes, `most` at most; `make` returns them.
     """
     rows = []
     for robot, contract in contracts().items():
