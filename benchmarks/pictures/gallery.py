@@ -146,7 +146,7 @@ def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
 def captioned(
     frame: NDArray[np.uint8], size: tuple[int, int], letters: int, *texts: tuple[int, str, str]
 ) -> Image.Image:
-    """Return a frame of a size [pixels] over texts (x, text, colour); x < 0 counts from the right."""
+    """Return a frame of a size [pixels] over texts (x, text, colour); x < 0 is from the right."""
     picture = Image.new("RGB", (size[0], size[1] + letters + letters // 2), "white")
     picture.paste(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=letters)
