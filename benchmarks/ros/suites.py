@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import tyro
 
 from benchmarks.ros import errands, faults, foreign, gaps, malformed, wedge
-from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.errors import SafetyWarning, choose
 
 PARTS: dict[str, Callable[[bool], Iterator[str]]] = {
     "faults": faults.lines,
@@ -37,7 +37,7 @@ def main(parts: tyro.conf.Positional[tuple[str, ...]] = tuple(PARTS), quick: boo
     for name in parts:
         begun = time.perf_counter()
         print(f"{name}:", flush=True)
-        for line in PARTS[name](quick):
+        for line in choose("part", name, PARTS)(quick):
             misses += "MISS" in line
             print(f"  {line}", flush=True)
         print(f"  {time.perf_counter() - begun:.0f} s", flush=True)
