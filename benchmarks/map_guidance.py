@@ -5,9 +5,10 @@
 """
 
 import contextlib
+import functools
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 from scipy import ndimage
 
-from benchmarks.common import Parts, parallel, print_part, quietly, table
+from benchmarks.common import Parts, parallel, print_part, quietly, table, timed
 from hcbf_gym import _core, scenarios
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import BarrierSet
@@ -148,21 +149,21 @@ def _path_out(
 
 def fields_part(count: int) -> Table:
     """Measure fields, and those after a change, on every map, on one core."""
-    rows = []
+    rows, cpu = [], functools.partial(timed, time.process_time)
     for name, floor in maps().items():
         places, rng = Places(floor, BODY), np.random.default_rng(0)
         scene = BarrierSet([[floor]])
         took: dict[str, list[float]] = {"ground": [], "field": [], "change": []}
         for _ in range(count):
             guide, goal, start = Geodesic(), places.draw(rng), places.draw(rng)
-            took["ground"].append(_timed(MapGround, regions_of(floor), BODY, 0))
-            took["field"].append(_timed(guide.reset, scene, goal, None, BODY, start=start))
+            took["ground"].append(cpu(MapGround, regions_of(floor), BODY, 0))
+            took["field"].append(cpu(guide.reset, scene, goal, None, BODY, start=start))
             column, row = floor.grid.to_cells([places.draw(rng)])[0].astype(int)
             strict = next(k for k, one in enumerate(floor.classes) if one.is_strict)
             changed = _with_square(floor, strict, row, column)
             for one in (changed, floor):
                 scene = BarrierSet([[one]])
-                took["change"].append(_timed(guide.follow, scene, np.zeros(1)))
+                took["change"].append(cpu(guide.follow, scene, np.zeros(1)))
         shape = floor.grid.shape
         rows.append({"map": name, "cells": f"{shape[1]} x {shape[0]}"} | took)
     columns = {"ground [ms]": "ground", "field with ground [ms]": "field",
@@ -172,17 +173,12 @@ def fields_part(count: int) -> Table:
         rows,
         {"map": "{map}", "cells": "{cells}"}
         | {
-            header: lambda r, key=key: f"{np.mean(r[key][1:]):.1f} / {np.max(r[key][1:]):.1f}"
+            header: lambda r, key=key: (
+                f"{1e3 * np.mean(r[key][1:]):.1f} / {1e3 * max(r[key][1:]):.1f}"
+            )
             for header, key in columns.items()
         },
     )
-
-
-def _timed(call: Callable[..., Any], *arguments: Any, **options: Any) -> float:
-    """Return the processor time of a call [ms]."""
-    began = time.process_time()
-    call(*arguments, **options)
-    return 1e3 * (time.process_time() - began)
 
 
 def _with_square(floor: RankedMap, k: int, row: int, column: int) -> RankedMap:

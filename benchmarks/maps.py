@@ -4,15 +4,16 @@
 `maps` runs them all. Entries are judged by the exact squares, at every step of the physics.
 """
 
+import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.common import Parts, parallel, print_part, quietly, table
+from benchmarks.common import Parts, parallel, print_part, quietly, table, timed
 from benchmarks.judges import squares
 from benchmarks.map_guidance import maps
 from benchmarks.scans import ranges_of
@@ -332,10 +333,7 @@ def costs(count: int) -> Table:
     return Table("what maps cost", header, rows)
 
 
-def _timed(call: Callable[..., Any], *arguments: Any) -> float:
-    begin = time.perf_counter()
-    call(*arguments)
-    return time.perf_counter() - begin
+_timed = functools.partial(timed, time.perf_counter)
 
 
 def _step_cost(floor: RankedMap, count: int) -> Array:
@@ -371,12 +369,8 @@ def _batch_rate(number: int = 1024, steps: int = 200) -> float:
     quietly(env.reset, seed=0)
     u = np.random.default_rng(0).uniform(-5.0, 5.0, (steps, number, 2)).astype(np.float32)
     env.step(u[0])
-    best = np.inf
-    for first in range(0, steps, 50):
-        begin = time.perf_counter()
-        for k in range(first, first + 50):
-            env.step(u[k])
-        best = min(best, time.perf_counter() - begin)
+    blocks = (u[k : k + 50] for k in range(0, steps, 50))
+    best = min(_timed(lambda block=block: [env.step(one) for one in block]) for block in blocks)
     return 50 * number / best
 
 

@@ -5,10 +5,9 @@ as late as its `Link` lets it.
 """
 
 import math
-import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,6 +70,10 @@ class Moving:
                 [cos * ahead - sin * aside, sin * ahead + cos * aside, turn]
             )
 
+    def odometry(self) -> tuple[Array, Array]:
+        """Return pose and twist as the filter gets them."""
+        return self.pose, self.twist
+
     def _look(self) -> None:
         assert self._runner is not None
         simulation = self._runner.drive.simulation
@@ -91,7 +94,15 @@ class Link(NamedTuple):
     burst: int = 1  # how many are lost together
 
 
-PERFECT = Link()
+class Rig(NamedTuple):
+    """What is around a robot, and between it and the filter."""
+
+    reach: float  # radius of the circle that must stay outside [m]
+    link: Link = Link()
+    walls: Sequence[Barrier] | None = None  # what is there; None for what the filter knows
+    # called at every control step with the time [s], before the filter
+    sees: Callable[[float, "Moving"], None] = lambda now, robot: None
+    period: float = PERIOD  # of the commands [s]
 
 
 class Driven(NamedTuple):
@@ -101,60 +112,34 @@ class Driven(NamedTuple):
     least: float  # the least distance of the robot's circle from a strict region [m]
     statuses: Array  # (6,) how often each was reported
     alarms: set[int]  # reasons from the first alarm on
-    longest: float  # 99th percentile of a step [s]
     fell: bool  # whether the robot fell, where the loop ends
     commands: Array  # (k, n)
-
-    @property
-    def length(self) -> float:
-        """Of the path [m]."""
-        return float(np.linalg.norm(np.diff(self.path[:, :2], axis=0), axis=1).sum())
 
 
 def loop(
     safe: VelocityFilter,
     robot: Moving,
     planner: Planner,
-    reach: float,
     seconds: float,
-    link: Link = PERFECT,
-    seed: int = 0,
+    seed: int,
+    rig: Rig,
     until: Callable[[Array], bool] = lambda pose: False,
-    walls: Sequence[Barrier] | None = None,
-    sees: Callable[[float, Moving], None] = lambda now, robot: None,
-    senses: Callable[[float, Moving], tuple[Array, Array]] = lambda now, robot: (
-        robot.pose,
-        robot.twist,
-    ),
-    period: float = PERIOD,
 ) -> Driven:
     """Run a robot's own loop, as a node runs it: regular commands, odometry as it comes.
 
-    Args:
-        safe: the filter.
-        robot: the robot.
-        planner: pose → nominal command.
-        reach: radius of the circle that must stay outside [m].
-        seconds: how long at most.
-        link: of the odometry.
-        seed: of what is lost and late.
-        until: pose → whether it has arrived.
-        walls: what is there; None for what the filter knows.
-        sees: called at every control step with the time [s], before the filter.
-        senses: the time [s] and the robot → pose and twist of its odometry.
-        period: of the commands [s].
+    The seed decides what is lost and late; `until` returns whether a pose has arrived.
     """
-    rng = np.random.default_rng(seed)
-    regions = BarrierSet([safe.barriers if walls is None else walls])
+    rng, link = np.random.default_rng(seed), rig.link
+    regions = BarrierSet([safe.barriers if rig.walls is None else rig.walls])
     strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
     waiting: list[tuple[float, float, Array, Array]] = []
     newest: tuple[float, Array, Array] | None = None
-    path, commands, spent, alarms = [], [], [], set[int]()
+    path, commands, alarms = [], [], set[int]()
     statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
     sent = commanded = -np.inf
     for k in range(round(seconds / CONTROL_DT)):
         now = START + CONTROL_DT * k
-        sees(now, robot)
+        rig.sees(now, robot)
         if now - sent >= 1.0 / link.rate - 1e-9:
             sent = now
             if dropped == 0 and rng.random() * link.burst < link.lost:
@@ -163,60 +148,25 @@ def loop(
                 dropped -= 1
             else:
                 late = link.late * (1.0 + link.jitter * rng.uniform(-1.0, 1.0))
-                waiting.append((now + late, now, *senses(now, robot)))
+                waiting.append((now + late, now, *robot.odometry()))
         for one in [one for one in waiting if one[0] <= now + 1e-9]:
             waiting.remove(one)
             newest = one[1:]  # the last to come, whatever its stamp
-        if newest is not None and now - commanded >= period - 1e-9:
-            commanded = now if now - commanded > 2.0 * period else commanded + period
-            began = time.perf_counter()
+        if newest is not None and now - commanded >= rig.period - 1e-9:
+            commanded = now if now - commanded > 2.0 * rig.period else commanded + rig.period
             _, report = safe.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
-            spent.append(time.perf_counter() - began)
             statuses[int(report["status"])] += 1
             if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
-        robot.go(safe.command_at(now))
-        path.append(robot.pose)
         commands.append(safe.command_at(now))
+        robot.go(commands[-1])
+        path.append(robot.pose)
         x = np.array([[*robot.pose[:2], 0.0, 0.0]])
         h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
-        least = min(least, float(h[strict].min(initial=np.inf)) - reach)
+        least = min(least, float(h[strict].min(initial=np.inf)) - rig.reach)
         if robot.fallen or until(robot.pose):
             break
-    longest = float(np.quantile(spent[5:] or [0.0], 0.99))
-    return Driven(
-        np.array(path), least, statuses, alarms, longest, robot.fallen, np.array(commands),
-    )  # fmt: skip
-
-
-def drive(
-    known: Any,
-    barriers: Sequence[Any],
-    planner: Planner,
-    seconds: float,
-    body: Any = None,
-    start: Array | None = None,
-    seed: int = 0,
-    options: Mapping[str, Any] | None = None,
-    **of_loop: Any,
-) -> Driven:
-    """Run the loop of a robot that the filter knows, or of another body behind that filter.
-
-    Args:
-        known: a walker or a robot.
-        barriers: of the filter.
-        planner: pose → nominal command.
-        seconds: how long at most.
-        body: what drives; None for what is known.
-        start: pose (3,); None for the origin.
-        seed: of the body and of the link.
-        options: further arguments of the filter.
-        of_loop: further arguments of `loop`.
-    """
-    of_filter: dict[str, Any] = {"period": LONGEST} | dict(options or {})
-    safe = VelocityFilter(known, barriers, **of_filter)
-    robot = Moving(known if body is None else body, np.zeros(3) if start is None else start, seed)
-    return loop(safe, robot, planner, known.reach, seconds, seed=seed, **of_loop)
+    return Driven(np.array(path), least, statuses, alarms, robot.fallen, np.array(commands))
 
 
 def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
@@ -236,15 +186,6 @@ def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float
         return np.array([ahead, turn] if command.sideways is None else [ahead, 0.0, turn])
 
     return plan
-
-
-def gap(width: float) -> list[Barrier]:
-    """Return two walls 2 m ahead with a gap between them."""
-    half = 0.5 * width
-    return [
-        ConvexPolygon("left", 1, ((2.0, half), (2.15, half), (2.15, 4.0), (2.0, 4.0))),
-        ConvexPolygon("right", 1, ((2.0, -4.0), (2.15, -4.0), (2.15, -half), (2.0, -half))),
-    ]
 
 
 def hostile(

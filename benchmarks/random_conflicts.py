@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import _core, programs
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, BarrierSet, Disc, HalfPlane, RowSettings
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.shape import PLACE
@@ -123,7 +123,7 @@ def run(chunk: Scenes) -> list[dict[str, Any]]:
             assert (result.status != FilterStatus.BACKUP).all()
         effort += np.sum((u - u_nominal) ** 2, axis=1)
         stood += deadlocked(x[:, 2:], u_nominal, np.linalg.norm(x[:, :2] - GOAL, axis=1), REACHED)
-        advance(barriers.kind, barriers.parameters, x, t, u, DT, LOOKS, least, inside)
+        inside += advance(barriers, x, t, u, DT, LOOKS, least)
 
     near = np.linalg.norm(x[:, :2] - GOAL, axis=1) < REACHED
     of_rank = [barriers.priority == p + 1 for p in range(LEVELS)]
@@ -159,33 +159,24 @@ def _nominal(
 
 
 def advance(
-    kind: Integers,
-    parameters: Array,
-    x: Array,
-    t: Array,
-    u: Array,
-    dt: float,
-    looks: int,
-    least: Array,
-    inside: Array,
-) -> None:
+    barriers: BarrierSet, x: Array, t: Array, u: Array, dt: float, looks: int, least: Array
+) -> Array:
     """Advance the double integrator x (N, 4) in place under a held u, looking at every barrier.
 
-    Lowers `least` (N, m) to the smallest h seen, and adds to `inside` (N, m) the time with h < 0.
+    Lowers `least` (N, m) to the smallest h seen; returns (N, m) the time with h < 0.
     """
     tau = np.arange(1, looks + 1)[:, None] * (dt / looks)
-    way = np.empty((looks, *x.shape))
-    way[:, :, :2] = x[:, :2] + tau[:, :, None] * (x[:, 2:] + 0.5 * tau[:, :, None] * u)
-    way[:, :, 2:] = x[:, 2:] + tau[:, :, None] * u
+    path = np.empty((looks, *x.shape))
+    path[:, :, :2] = x[:, :2] + tau[:, :, None] * (x[:, 2:] + 0.5 * tau[:, :, None] * u)
+    path[:, :, 2:] = x[:, 2:] + tau[:, :, None] * u
     h = np.empty((looks, *least.shape))
-    kinds, numbers = np.concatenate([kind] * looks), np.concatenate([parameters] * looks)
-    times = np.ravel(t + tau)
-    _core.barrier_values(
-        kinds, numbers, None, way.reshape(-1, 4), times, h.reshape(-1, kind.shape[1])
-    )
+    kinds = np.concatenate([barriers.kind] * looks)
+    numbers = np.concatenate([barriers.parameters] * looks)
+    states, times = path.reshape(-1, 4), np.ravel(t + tau)
+    _core.barrier_values(kinds, numbers, None, states, times, h.reshape(-1, least.shape[1]))
     np.minimum(least, h.min(axis=0), out=least)
-    inside += np.count_nonzero(h < 0.0, axis=0) * (dt / looks)
-    x[:] = way[-1]
+    x[:] = path[-1]
+    return np.count_nonzero(h < 0.0, axis=0) * (dt / looks)
 
 
 def summary(outcomes: list[dict[str, Any]]) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """A search for counterexamples to the lemmas of `docs/rows.md`, under exactly what they assume.
 
 Each claim is a function from numbers in [0, 1] to slacks, NaN where its assumptions do not hold.
-Random numbers are drawn, and the worst of them moved by shrinking steps. The rows are the package's
-compiled ones; distances and motion stand here once more.
+Random numbers are drawn, and the worst of them moved by shrinking steps. Rows and distances are the
+package's compiled ones; motion stands here once more.
 """
 
 import sys

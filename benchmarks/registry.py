@@ -74,7 +74,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         2,
         ROM,
     ),
-    "monitor": Suite("command_tracking", "are wrappers between filter and robot noticed?", 10, A1),
+    "monitor": Suite("suites.monitor", "are wrappers between filter and robot noticed?", 10, A1),
     "strict": Suite(
         "strict.suite",
         "attacks, search and pushes against the strict rank",

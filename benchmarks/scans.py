@@ -1,19 +1,19 @@
 """Scans of walls and of people who walk: what is reported, entered, reached and touched.
 
 Robots drive behind `VelocityFilter` in rooms that they see by a scan at 10 Hz, at every angle to
-the world's axes. ``python -m benchmarks.scans --part walls`` prints one part, ``--quick`` a little
-of each. Entries are judged by the exact geometry.
+the world's axes. ``python -m benchmarks.scans --part walls`` prints one part. Entries are judged by
+the exact geometry.
 """
 
 import math
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import tyro
 
-from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, hostile, loop, pursuit
+from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, Rig, hostile, loop, pursuit
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
@@ -149,27 +149,50 @@ def goal_of(room: Room, reach: float, seed: int) -> Array:
             return at
 
 
-def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
+class Place(NamedTuple):
+    """Who drives where."""
+
+    walker: Walker
+    case: Case
+    room: Room
+    seed: int
+
+    def drive(
+        self, known: Sequence[Barrier], scans: bool, planner: Planner, seconds: float, goal: Any
+    ) -> Driven:
+        """Drive behind what the filter knows, and a scan, as far as the goal (None: none)."""
+        walker, case, room, seed = self
+        guided = {} if goal is None else {"goal": goal, "guidance": "geodesic"}
+        safe = VelocityFilter(walker, known, period=LONGEST, **guided)
+        rig = Rig(walker.reach, walls=room.walls)
+        if scans:
+            rig = rig._replace(sees=Laser(safe, case, room.edges, known, seed).sees)
+        robot = Moving(walker, np.zeros(3), seed)
+        return loop(safe, robot, planner, seconds, seed, rig, lambda pose: is_at(goal, pose))
+
+
+def is_at(goal: Any, pose: Array) -> bool:
+    """Return whether a robot is near its goal, if it has one."""
+    return goal is not None and float(np.hypot(*(pose[:2] - goal))) < NEAR
+
+
+def walls(robot: str, name: str, count: int, seconds: float) -> str:
     """Return what hostile drives behind a scan alone showed, and who arrives beside a map."""
-    walker, arrived, runs = Walker.load(ROBOTS[robot]), [0, 0], []
+    case, walker, arrived, runs = CASES[name], Walker.load(ROBOTS[robot]), [0, 0], []
     guided, guides = np.zeros(len(FilterStatus), dtype=int), case.beams and not case.rests
     for seed in range(count):
-        room = room_of(seed)
-        known = () if case.beams else room.walls
+        place = Place(walker, case, room := room_of(seed), seed)
         rng = np.random.default_rng([15, seed])
         planner = hostile(room.walls, walker.command, rng, wanders=not case.rests)
-        runs.append(_drive(walker, case, room, seed, known, bool(case.beams), {}, planner, seconds))
+        known = () if case.beams else room.walls
+        runs.append(place.drive(known, bool(case.beams), planner, seconds, None))
         if not guides:
             continue
         goal = goal_of(room, walker.reach, seed)
-        for scanned in (False, True):
-            run = _drive(
-                walker, case, room, seed, room.walls, scanned,
-                {"goal": goal, "guidance": "geodesic"}, lambda _: 0.0 * walker.command.limits, 25.0,
-                until=lambda p, g=goal: float(np.hypot(*(p[:2] - g))) < NEAR,
-            )  # fmt: skip
-            arrived[scanned] += float(np.hypot(*(run.path[-1, :2] - goal))) < NEAR
-            guided += run.statuses if scanned else 0
+        for scans in (False, True):
+            run = place.drive(room.walls, scans, lambda _: 0.0 * walker.command.limits, 25.0, goal)
+            arrived[scans] += is_at(goal, run.path[-1])
+            guided += run.statuses if scans else 0
     statuses = np.sum([run.statuses for run in runs], axis=0)
     arrivals = "" if not guides else f", guided {share(guided)}, arrive {arrived[0]} → {arrived[1]}"
     alarms = sum(bool(run.alarms) for run in runs)
@@ -179,19 +202,6 @@ def walls(robot: str, name: str, case: Case, count: int, seconds: float) -> str:
         f"{min(run.least for run in runs):+.3f} m, alarms {alarms}, "
         f"fell {sum(run.fell for run in runs)}{arrivals}; statuses {statuses}"
     )
-
-
-def _drive(
-    walker: Walker, case: Case, room: Room, seed: int, known: Sequence[Barrier], scanned: bool,
-    options: dict[str, Any], planner: Planner, seconds: float, **of_loop: Any,
-) -> Driven:  # fmt: skip
-    """Drive in a room, behind a scan if there is one, and what else the filter knows."""
-    safe = VelocityFilter(walker, known, period=LONGEST, **options)
-    if scanned:
-        of_loop["sees"] = Laser(safe, case, room.edges, known, seed).sees
-    robot = Moving(walker, np.zeros(3), seed)
-    of_loop |= {"seed": seed, "walls": room.walls}
-    return loop(safe, robot, planner, walker.reach, seconds, **of_loop)
 
 
 def share(statuses: Array) -> str:
@@ -272,11 +282,8 @@ def people(robot: str, margin: float, count: int, seconds: float) -> str:
         rng = np.random.default_rng([17, seed])
         goals = [(float(x), float(y)) for x, y in rng.uniform(-2.5, 2.5, (40, 2))]
         planner = pursuit(goals, walker.command, 0.7 * walker.command.forward)
-        start = Moving(walker, np.zeros(3), seed)
-        run = loop(
-            safe, start, planner, walker.reach, seconds, seed=seed, walls=room.walls,
-            sees=crowd.walk,
-        )  # fmt: skip
+        rig = Rig(walker.reach, walls=room.walls, sees=crowd.walk)
+        run = loop(safe, Moving(walker, np.zeros(3), seed), planner, seconds, seed, rig)
         contacts += crowd.contacts
         statuses += run.statuses
         entered += run.least < 0.0
@@ -290,40 +297,28 @@ def people(robot: str, margin: float, count: int, seconds: float) -> str:
     )
 
 
-def lines(part: str, robot: str, cases: Sequence[str], count: int, seconds: float) -> Iterator[str]:
-    """Yield each line of the parts."""
-    for known in [robot] if robot else ROBOTS:
-        for name in cases if part in ("all", "walls") else ():
-            yield "walls: " + walls(known, name, CASES[name], count, seconds)
-        if part in ("all", "people"):
-            for margin in MARGINS:
-                yield "people: " + people(known, margin, count, seconds)
-
-
 def main(
-    part: str = "all",
-    quick: bool = False,
-    robot: str = "",
-    case: str = "",
+    part: Literal["all", "walls", "people"] = "all",
+    robots: tuple[str, ...] = tuple(ROBOTS),
+    cases: tuple[str, ...] = tuple(CASES),
     count: int = 20,
     seconds: float = 20.0,
 ) -> None:
     """Print what is seen.
 
     Args:
-        part: walls, people, or all.
-        quick: one short drive of a cart in every third case.
-        robot: a name of `ROBOTS`; all if empty.
-        case: a name of `CASES`; all if empty.
+        part: of the study.
+        robots: names of `ROBOTS`.
+        cases: names of `CASES`, of the walls.
         count: drives a row.
         seconds: of each.
     """
     warnings.simplefilter("ignore")
-    cases = [case] if case else list(CASES)
-    if quick:
-        robot, cases, count, seconds = robot or "cart", cases[::3], 1, 6.0
-    for line in lines(part, robot, cases, count, seconds):
-        print(line, flush=True)
+    for robot in robots:
+        for case in cases if part != "people" else ():
+            print(f"walls: {walls(robot, case, count, seconds)}", flush=True)
+        for margin in MARGINS if part != "walls" else ():
+            print(f"people: {people(robot, margin, count, seconds)}", flush=True)
 
 
 if __name__ == "__main__":

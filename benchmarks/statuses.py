@@ -4,7 +4,7 @@
 announced where a step at or before it was VIOLATED, UNSAFE or BACKUP.
 """
 
-import json
+import itertools
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +19,12 @@ from benchmarks.common import table
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation.attacked import policy_of
 from hcbf_gym.evaluation.episode import samples
-from hcbf_gym.evaluation.jobs import Runs
+from hcbf_gym.evaluation.jobs import Runs, in_order
 from hcbf_gym.programs import FilterStatus
 
 HOSTILE = ("nearest", "corner", "edge", "slam", "bang-bang")  # in turn
 ANNOUNCED = FilterStatus.VIOLATED
+COUNTED = ("entered", "unannounced", "fell", "reached")
 CONTRACTS = Path(__file__).parents[1] / "tests/robots/contracts"
 ROM, A1 = "HCBF-Regions-v0", "HCBF-A1Regions-v0"
 WALKER = "hcbf_robots:HCBF-WalkerRegions-v0"
@@ -83,46 +84,31 @@ def run(episode: Episode) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def line(plant: str, policy: str, jobs: list[Episode], workers: int | None) -> dict[str, Any]:
-    """Return a line of the table: shares of the steps before an entry, counts of episodes."""
-    seen = [one for _, one in Runs(workers=workers).over(run, jobs)]
-    calm = np.sum([one["calm"] for one in seen], axis=0)
-    total = max(1, int(calm.sum()))
-    shares = {s.name: f"{100.0 * calm[s] / total:.3f} %" for s in FilterStatus if s >= ANNOUNCED}
-    unproved = sum(one["not proved"] for one in seen)
-    counts = ("entered", "unannounced", "fell", "reached")
-    return (
-        {"plant": plant, "policies": policy, "episodes": len(seen), "steps": total}
-        | shares
-        | {"not proved": f"{100.0 * unproved / total:.2f} %"}
-        | {key: sum(one[key] for one in seen) for key in counts}
-    )
-
-
 def main(
     plants: tuple[str, ...] = tuple(PLANTS),
     episodes: int = 60,
     policies: tuple[str, ...] = ("hostile", "pd"),
     first_seed: int = 31_000_000,
-    workers: int | None = None,
 ) -> None:
-    """Print a table, a line a plant and kind of policy.
+    """Print a table, a line a plant and kind of policy: shares of steps, counts of episodes.
 
     Args:
         plants: their names.
         episodes: of each plant and kind of policy.
         policies: "hostile" takes attacks in turn; else a policy's name.
         first_seed: of the episodes.
-        workers: episodes at once.
     """
     lines = []
-    for plant in plants:
-        for policy in policies:
-            names = HOSTILE if policy == "hostile" else (policy,)
-            seeds = range(first_seed, first_seed + episodes)
-            jobs = [Episode(plant, names[k % len(names)], seed) for k, seed in enumerate(seeds)]
-            lines.append(line(plant, policy, jobs, workers))
-            print(json.dumps(lines[-1]), flush=True)
+    for plant, policy in itertools.product(plants, policies):
+        names = HOSTILE if policy == "hostile" else (policy,)
+        jobs = [Episode(plant, names[k % len(names)], first_seed + k) for k in range(episodes)]
+        seen = in_order(Runs().over(run, jobs, f"{plant}, {policy}"))
+        calm = np.sum([one["calm"] for one in seen], axis=0)
+        steps = max(1, int(calm.sum()))
+        shares = {s.name: f"{calm[s] / steps:.3%}" for s in FilterStatus if s >= ANNOUNCED}
+        shares["not proved"] = f"{sum(one['not proved'] for one in seen) / steps:.2%}"
+        counts = {key: sum(one[key] for one in seen) for key in COUNTED}
+        lines.append({"plant": plant, "policies": policy, "steps": steps} | shares | counts)
     Console().print(table("statuses", lines, {key: f"{{{key}}}" for key in lines[0]}).rich())
 
 

@@ -9,7 +9,6 @@ import itertools
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import tyro
@@ -26,13 +25,6 @@ U = Box.symmetric(5.0)
 FASTEST = 1.5  # To which speed the robots' nominal inputs lead [m/s]
 
 
-class Errors(NamedTuple):
-    """How positions are wrong: (rng, shape) → (…, 2) [m]."""
-
-    name: str
-    draw: Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
-
-
 def _uniform(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     turn, far = rng.uniform(0.0, 2.0 * np.pi, shape), np.sqrt(rng.uniform(0.0, 1.0, shape))
     return NOISE * far[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -42,7 +34,9 @@ def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     return NOISE / 3.0 * rng.standard_normal((*shape, 2))
 
 
-ERRORS = Errors("uniform", _uniform), Errors("normal", _normal)
+Errors = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
+ERRORS: dict[str, Errors] = {"uniform": _uniform, "normal": _normal}
+"""How positions are wrong: (rng, shape) → (…, 2) [m]."""
 
 
 class World:
@@ -60,7 +54,7 @@ class World:
 
     def track(self, errors: Errors, declares: bool) -> None:
         """Let the filter have what the tracker sees now."""
-        seen = self.place + errors.draw(self.rng, self.place.shape[:2])
+        seen = self.place + errors(self.rng, self.place.shape[:2])
         velocity = self.velocity if declares else np.zeros_like(self.velocity)
         if not self.named:
             numbers = np.concatenate([seen, self.radius[..., None]], axis=2)
@@ -98,20 +92,11 @@ class World:
 class Entered:
     """What episodes showed."""
 
-    episodes: int = 0  # of them
-    entered: int = 0  # with an entry
+    entered: int = 0  # of them with an entry
     calm: int = 0  # of these, under a calm status
     unreported: int = 0  # of these, without MOVES before
     reported: int = 0  # with MOVES at any step
     violated: float = 0.0  # share of steps with a status above RELAXED
-
-    def line(self) -> str:
-        """Return one line."""
-        return (
-            f"{self.episodes} episodes, {self.entered} entered, {self.calm} under a calm status, "
-            f"{self.unreported} without MOVES before; MOVES in {self.reported}, "
-            f"{100.0 * self.violated:.1f} % of steps above RELAXED"
-        )
 
 
 def drive(world: World, errors: Errors, declares: bool, seconds: float, turns: bool) -> Entered:
@@ -127,7 +112,7 @@ def drive(world: World, errors: Errors, declares: bool, seconds: float, turns: b
     report = world.filter.reset(x=world.x)
     moved = report["reason"] == Reason.MOVES
     first, inside, calm = np.zeros((3, count), dtype=bool)
-    found = Entered(count)
+    found = Entered()
     steps = round(seconds / world.period)
     for _ in range(steps):
         if turns:
@@ -198,46 +183,42 @@ def rest(count: int, period: float, errors: Errors, named: bool, seconds: float,
 
 def episodes(count: int) -> Iterator[str]:
     """Yield what episodes with moving regions showed."""
-    for declares, turns, (named, period), errors in itertools.product(
-        (True, False), (False, True), ((False, 0.02), (True, 0.05)), ERRORS
+    for declares, turns, (named, period), (name, errors) in itertools.product(
+        (True, False), (False, True), ((False, 0.02), (True, 0.05)), ERRORS.items()
     ):
-        found = drive(World(count, 3, period, 1, named), errors, declares, 8.0, turns)
-        what = "velocities" if declares else "positions alone"
-        how, by = "turn" if turns else "straight", "lists" if named else "arrays"
-        yield f"{what}, {how}, {by}, {errors.name}: {found.line()}"
+        one = drive(World(count, 3, period, 1, named), errors, declares, 8.0, turns)
+        yield (
+            f"{'velocities' if declares else 'positions alone'}, {'turn' if turns else 'straight'}"
+            f", {'lists' if named else 'arrays'}, {name}: {one.entered} of {count} entered, "
+            f"{one.calm} under a calm status, {one.unreported} without MOVES before; MOVES in "
+            f"{one.reported}, {100.0 * one.violated:.1f} % of steps above RELAXED"
+        )
 
 
 def motions(count: int) -> Iterator[str]:
     """Yield how soon a motion is reported that no velocity declares."""
-    for period, errors, named in itertools.product(PERIODS, ERRORS, (False, True)):
+    for period, (name, errors), named in itertools.product(PERIODS, ERRORS.items(), (False, True)):
         after = delays(count, period, errors, named, 2)
         yield (
-            f"motion at 0.3 to 1 m/s, T = {period}, {errors.name}, "
-            f"{'lists' if named else 'arrays'}: reported within 0.5 s in "
-            f"{100.0 * float((after <= 0.5).mean()):.1f} %, median {float(np.median(after)):.2f} s"
+            f"motion at 0.3 to 1 m/s, T = {period}, {name}, {'lists' if named else 'arrays'}: "
+            f"reported within 0.5 s in {100.0 * float((after <= 0.5).mean()):.1f} %, median "
+            f"{float(np.median(after)):.2f} s"
         )
 
 
 def rests(count: int) -> Iterator[str]:
     """Yield how often a region at rest is reported."""
     runs = max(10, count // 10)
-    for period, errors in itertools.product(PERIODS, ERRORS):
+    for period, (name, errors) in itertools.product(PERIODS, ERRORS.items()):
         found = rest(runs, period, errors, False, 60.0, 3)
-        yield f"at rest, T = {period}, {errors.name}: {found} reports in {runs} runs of 60 s"
+        yield f"at rest, T = {period}, {name}: {found} reports in {runs} runs of 60 s"
 
 
-def main(part: str = "", count: int = 1000) -> None:
-    """Print the parts.
-
-    Args:
-        part: episodes, motions or rests; all of them without it.
-        count: of episodes and runs.
-    """
+def main(count: int = 1000) -> None:
+    """Print all parts, of so many episodes and runs."""
     warnings.simplefilter("ignore")
-    for lines in (episodes, motions, rests):
-        if part in ("", lines.__name__):
-            for line in lines(count):
-                print(line, flush=True)
+    for line in itertools.chain(episodes(count), motions(count), rests(count)):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -175,31 +175,26 @@ def _unit(vectors: Array) -> Array:
 
 def core_of(case: Case) -> FilterCore:
     """Return the filter of N plants."""
+    input_set = Box(-np.array(case.limits), case.limits)
     plant = Plant(
-        case.model, case.barriers, lambda *_: None, Box(-np.array(case.limits), case.limits),
-        period=PERIOD, uncertainty=case.declared, axle=case.axle,
+        case.model, case.barriers, lambda *_: None, input_set, period=PERIOD,
+        uncertainty=case.declared, axle=case.axle,
     )  # fmt: skip
     settings = FilterSettings("lex-cbf-qp", "held", None, None, None, "warn", True, {})
-    assert plant.input_set is not None
-    return FilterCore(plant, plant.input_set, settings, COUNT)
+    return FilterCore(plant, input_set, settings, COUNT)
 
 
 def nearest(case: Case, x: Array, heights: Callable[[Array], Array]) -> Array:
     """Return (N, n_u) the corner of U that takes the least h lowest within `LOOKS` periods."""
-    corners = np.array(np.meshgrid(*([-one, one] for one in case.limits))).reshape(
-        len(case.limits), -1
-    )
-    least = np.full(COUNT, np.inf)
-    chosen = np.zeros((COUNT, len(case.limits)))
-    for corner in corners.T:
-        u = np.tile(corner, (COUNT, 1))
-        h = heights(case.model.steps_of(x, u, LOOKS * PERIOD)).min(axis=1)
-        chosen[h < least], least = corner, np.minimum(h, least)
-    return chosen
+    corners = np.array(np.meshgrid(*([-one, one] for one in case.limits)))
+    inputs = corners.reshape(len(case.limits), 1, -1).T.repeat(COUNT, axis=1)
+    ends = (case.model.steps_of(x, u, LOOKS * PERIOD) for u in inputs)
+    worst = np.argmin([heights(end).min(axis=1) for end in ends], axis=0)
+    return inputs[worst, 0]
 
 
 class Count(NamedTuple):
-    """What became of steps: all, those under a calm status, and those of them that entered."""
+    """What became of steps: those under a calm status, and those of them that entered."""
 
     steps: int
     calm: int

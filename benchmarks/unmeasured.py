@@ -1,4 +1,4 @@
-"""Which faults of unmeasured robots on wheels are reported, and how soon: `wheels --part faults`.
+"""Which faults of unmeasured robots on wheels are reported, and how soon.
 
 A robot drives from goal to goal in a room with boxes. Its τ, δ and noise are any that the rows
 assume, and one message of ten is lost. From some time on it has a fault. Time counts while the
@@ -9,15 +9,13 @@ anew.
 import itertools
 import math
 from collections import deque
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.own_loop import Body, Driven, Link, Moving, boxes_of, loop
+from benchmarks.own_loop import Body, Driven, Link, Moving, Rig, boxes_of, loop
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.models.plant import Reason
 from hcbf_robots import Command, Robot, VelocityFilter
 
 FLEET = {  # Command, reach [m] and period [s]
@@ -80,7 +78,7 @@ class Unmeasured(Moving):
             return np.array([self._speed * max(0.0, math.cos(error)) ** 3, turn])
         return np.array([self._speed * math.cos(error), self._speed * math.sin(error), turn])
 
-    def _senses(self, now: float, _: Moving) -> tuple[Array, Array]:
+    def odometry(self) -> tuple[Array, Array]:
         """Return pose and twist of the odometry."""
         pose, twist = self.pose, self.twist
         if self._begun is not None and self._fault is not None:
@@ -116,10 +114,8 @@ class Unmeasured(Moving):
             late = self.fast > WITHIN + 1.0
             return self._fault is not None and (late or self._reported_for > 1.0)
 
-        return loop(
-            self._filter, self, self._plan, 0.0, seconds, Link(50.0, 0.02, 0.5, 0.1), 0, ends,
-            senses=self._senses, period=self._period,
-        )  # fmt: skip
+        rig = Rig(0.0, Link(50.0, 0.02, 0.5, 0.1), period=self._period)
+        return loop(self._filter, self, self._plan, seconds, 0, rig, ends)
 
 
 class Seen(NamedTuple):
@@ -150,20 +146,3 @@ def honest(count: int, seconds: float) -> list[tuple[str, int, set[int]]]:
     runs = ((names[k % len(names)], k) for k in range(count))
     seen = ((name, k, Unmeasured(name, None, 10_000 + k).drive(seconds)) for name, k in runs)
     return [(name, k, run.alarms) for name, k, run in seen if run.alarms]
-
-
-def lines(quick: bool, count: int) -> Iterator[str]:
-    """Yield how many faults are reported in time, and how many robots without one."""
-    for name in ("TurtleBot 4", "omni") if quick else FLEET:
-        for fault in FAULTS:
-            seen = cases(name, fault, count)
-            soon = sum(one.after <= WITHIN for one in seen)
-            response = sum(Reason.RESPONSE in one.reasons for one in seen)
-            slowest = max(one.after for one in seen)
-            yield (
-                f"{name}, {fault}: within {WITHIN:g} s {soon} of {len(seen)}, slowest "
-                f"{slowest:.2f} s, as RESPONSE {response}, stopped {sum(one.stops for one in seen)}"
-            )
-    loops, seconds = (2, 20.0) if quick else (100, 60.0)
-    seen = honest(loops, seconds)
-    yield f"without a fault: {len(seen)} reports in {loops} loops of {seconds:g} s {seen}"

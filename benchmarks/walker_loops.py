@@ -25,12 +25,12 @@ from hcbf_robots.walkers.walker_adapter import Adapter
 
 SEED = 77
 """Of the commands; none of those with which the responses beside the contracts were measured."""
-ROUNDS, SECONDS = 40, 1.0
-"""Turns of each loop, and how long they are [s]; taken in alternation, the fastest counts."""
+SECONDS = 1.0
+"""Of a turn of a loop [s]; loops alternate, and the fastest turn counts."""
 COUNT = 16  # robots in a vector environment
 
 
-def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
+def tracking(contracts: Mapping[str, str], seconds: float) -> Table:
     """Return how robots follow steps, turns and stops, for so many seconds of commands."""
     rows = [
         {"robot": name, "r": identify(Walker.load(contract), seconds, SEED).response}
@@ -48,14 +48,14 @@ def tracking(contracts: Mapping[str, str], seconds: float = 60.0) -> Table:
     return table(f"velocity steps, turns and stops, {seconds:g} s of commands", rows, columns)
 
 
-def speeds(contracts: Mapping[str, str]) -> Table:
+def speeds(contracts: Mapping[str, str], turns: int) -> Table:
     """Return how many times faster than real time robots run, bare and filtered, on this core."""
     rows = []
     for name, contract in contracts.items():
         bare, filtered = _Bare(contract), _Filtered(contract)
         for loop in (bare, filtered):
             loop.run(1.0)
-        taken = [(bare.run(SECONDS), filtered.run(SECONDS)) for _ in range(ROUNDS)]
+        taken = [(bare.run(SECONDS), filtered.run(SECONDS)) for _ in range(turns)]
         one, other = (SECONDS / min(turn) for turn in zip(*taken, strict=True))
         rows.append({"robot": name, "one": one, "other": other, "share": other / one})
     columns = {"robot": "{robot}", "bare loop [× real time]": "{one:.0f}",
@@ -63,7 +63,7 @@ def speeds(contracts: Mapping[str, str]) -> Table:
     return table("policy, physics, filter and infos on one core", rows, columns)
 
 
-def many(contract: str, seconds: float = 2.0) -> Table:
+def many(contract: str, count: int, seconds: float = 2.0) -> Table:
     """Return how fast filtered robots run in Gymnasium's vector environments."""
     make = functools.partial(_make, contract)
     loops: dict[str, gym.vector.VectorEnv] = {
@@ -74,7 +74,7 @@ def many(contract: str, seconds: float = 2.0) -> Table:
     for envs in loops.values():
         envs.reset(seed=0)
         _run(envs, seconds)
-    turns = [[_run(envs, seconds) for envs in loops.values()] for _ in range(ROUNDS // 4)]
+    turns = [[_run(envs, seconds) for envs in loops.values()] for _ in range(count)]
     speeds = [max(turn) for turn in zip(*turns, strict=True)]
     for envs in loops.values():
         envs.close()

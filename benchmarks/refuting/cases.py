@@ -1,4 +1,4 @@
-"""Regions with distances of their own, states beside them, and inputs that meet rows."""
+"""Regions, states beside them, and inputs that meet rows."""
 
 from typing import Any, NamedTuple
 
@@ -57,7 +57,7 @@ def kept(s: Hold) -> Array:
 
 
 class Case(NamedTuple):
-    """A region, its numbers as `value` reads them, and how rows are made."""
+    """A region, its sizes, and how rows are made."""
 
     kind: str
     c: Array
@@ -92,19 +92,13 @@ class Case(NamedTuple):
 
     def value(self, p: Array) -> tuple[Array, Array]:
         """Return the signed distances of points p (..., 2) from the region, and their gradients."""
-        c = self.c
-        if self.kind == "wall":
-            return p @ c[:2] - c[2], np.broadcast_to(c[:2], p.shape)
-        if self.kind == "ellipse":
-            return _ellipse(c, p)
-        if self.kind == "polygon":
-            return _polygon(c.reshape(-1, 2), p)
-        foot, radius = np.zeros(2), c[-1]
-        if self.kind == "capsule":
-            foot = np.clip(p @ c[:2] / (c[:2] @ c[:2]), 0.0, 1.0)[..., None] * c[:2]
-        offset = p - foot
-        far = np.linalg.norm(offset, axis=-1)
-        return far - radius, offset / np.maximum(far, 1e-300)[..., None]
+        x = np.zeros((p[..., 0].size, 4))
+        x[:, :2] = p.reshape(-1, 2)
+        kind, numbers = self.barriers.kind.repeat(len(x), 0), self.barriers.parameters
+        h, sensed = np.empty((len(x), 1)), np.empty((len(x), 1, 4))
+        numbers = numbers.repeat(len(x), 0)
+        _core.barrier_sense(kind, numbers, None, x, np.zeros(len(x)), h, sensed)
+        return h.reshape(p.shape[:-1]), sensed[:, 0, 1:3].reshape(p.shape)
 
     def rows(self, x: Array, margin: Array, held: bool = True) -> tuple[Array, Array, Array]:
         """Return a (N, 2), b (N,) and ψ (N,) of compiled rows; `margin` is (3, N)."""
@@ -159,37 +153,6 @@ class Case(NamedTuple):
         path = p[:, None] + r[:, None] * tau[:, None] + 0.5 * u[:, None] * tau[:, None] ** 2
         later, turned = self.value(path)
         return Hold(k + margin[0] + extra, n, r, margin, k, rate, b, u, tau, later, turned, psi)
-
-
-def _polygon(corner: Array, p: Array) -> tuple[Array, Array]:
-    edge = np.roll(corner, -1, axis=0) - corner
-    long = np.linalg.norm(edge, axis=1)
-    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / long[:, None]
-    over = p[..., None, :] - corner
-    height = (over * normal).sum(-1)
-    share = np.clip((over * edge).sum(-1) / long**2, 0.0, 1.0)
-    offset = over - share[..., None] * edge
-    far = np.linalg.norm(offset, axis=-1)
-    nearest, highest = far.argmin(-1)[..., None], height.argmax(-1)
-    out = np.take_along_axis(far, nearest, -1)[..., 0]
-    beside = np.take_along_axis(offset, nearest[..., None], -2)[..., 0, :]
-    beside = beside / np.maximum(out, 1e-300)[..., None]
-    inside = height.max(-1) <= 1e-13
-    h = np.where(inside, height.max(-1), out)
-    return h, np.where(inside[..., None], normal[highest], beside)
-
-
-def _ellipse(c: Array, p: Array) -> tuple[Array, Array]:
-    a, b = c[:2]
-    q = np.abs(p) + 1e-15
-    low, high = np.full(q.shape[:-1], -b * b), a * np.linalg.norm(q, axis=-1)
-    for _ in range(64):  # of λ in (a x/(a² + λ))² + (b y/(b² + λ))² = 1
-        mid = 0.5 * (low + high)
-        more = (a * q[..., 0] / (a * a + mid)) ** 2 + (b * q[..., 1] / (b * b + mid)) ** 2 > 1.0
-        low, high = np.where(more, mid, low), np.where(more, high, mid)
-    w = np.stack([q[..., 0] / (a * a + high), q[..., 1] / (b * b + high)], axis=-1)
-    size = np.linalg.norm(w, axis=-1)
-    return high * size, np.copysign(w / size[..., None], p)
 
 
 KINDS = ("wall", "disc", "ellipse", "polygon", "capsule")

@@ -135,7 +135,7 @@ def growth(case: Case, z: Array) -> Array:
         return out
 
     numbers = np.array(Uncertainty(distance=0.0, body=0.0, confidence=3.0), dtype=float)
-    scenes, x = _repeat(case, n), np.zeros((n, 4))
+    scenes, x = BarrierSet([case.barriers.listed[0]] * n), np.zeros((n, 4))
     x[:, :2] = case.place(z, 0.1 + z[:, 4])[0]
     state = np.zeros(n), x, np.zeros((n, 4))
 
@@ -149,10 +149,3 @@ def growth(case: Case, z: Array) -> Array:
     now = reserved(0.0)
     slack = [now[0] + tau * now[1] - reserved(tau)[0] for tau in (0.3 * span, span)]
     return np.minimum.reduce([*slack, now[1] + now[2] * span - reserved(span)[1]]) / (1.0 + now[0])
-
-
-def _repeat(case: Case, n: int) -> BarrierSet:
-    out = BarrierSet([()] * n)
-    for name in ("kind", "parameters", "own_margin"):
-        setattr(out, name, getattr(case.barriers, name).repeat(n, 0))
-    return out

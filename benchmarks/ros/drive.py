@@ -28,22 +28,9 @@ ANGLES = np.linspace(-math.pi, math.pi, 72, endpoint=False)
 
 
 class Drive:
-    """Drives a cart through a core at 20 Hz.
+    """Drives a cart from a pose through a core at 20 Hz, by a planner's (v_x, v_y, ω).
 
-    Args:
-        given: parameters; without a robot's, they are those of `CART`.
-        start: x, y [m] and yaw [rad].
-        wanted: v_x, v_y [m/s] and ω [rad/s] of the planner.
-
-    Attributes:
-        core: the node's.
-        now: the two clocks.
-        pose: (3,) of the cart.
-        velocity: (2,) its command.
-        motion: (2,) its velocity, as fast as its accelerations let it follow.
-        decisions: all, each with its time.
-        commands: (2,) the base's after each of them.
-        speeds: of each tick [m/s].
+    `given` are parameters; without a robot's, they are those of `CART`.
     """
 
     def __init__(
@@ -57,11 +44,11 @@ class Drive:
         self.now = Now(1.7e9, 50.0)
         self.pose = np.array(start, dtype=np.float64)
         self.velocity: Array = np.zeros(len(self.core.step(self.now).wanted))
-        self.motion: Array = np.zeros(2)
+        self.motion: Array = np.zeros(2)  # as fast as its accelerations let it follow
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []
-        self.commands: list[Array] = []
-        self.speeds: list[float] = []
+        self.commands: list[Array] = []  # the base's after each decision
+        self.speeds: list[float] = []  # of each tick [m/s]
         self.ranges: Array = np.full(ANGLES.size, np.inf)
 
     def run(

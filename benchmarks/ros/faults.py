@@ -6,10 +6,9 @@ The same cases go through rclpy in `live_faults`.
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from benchmarks.ros.drive import HARDEST, TICK, Drive
 from hcbf_gym.arrays import Array
@@ -31,35 +30,9 @@ SOURCES = {
 Tick = Callable[[], Any]
 
 
-class Rig(Protocol):
-    """A robot whose messages can be replaced; `stamp` is in its own form."""
-
-    pose: Array
-    wanted: Any  # (3,) the planner's command
-
-    @property
-    def twist(self) -> ArrayLike:
-        """(3,) of the robot."""
-        ...
-
-    def stamp(self) -> Any:
-        """Return now."""
-
-    def set_back(self, seconds: float) -> None:
-        """Set the node's clock back."""
-
-    def say_command(self, wanted: Any, frame: str = "") -> None:
-        """Publish a command."""
-
-    def say_odometry(
-        self, pose: Any = None, stamp: Any = None, frame: str = "odom", twist: Any = None
-    ) -> None:
-        """Publish odometry."""
-
-    def say_scan(
-        self, ranges: Any = None, stamp: Any = None, frame: str = "base_footprint"
-    ) -> None:
-        """Publish a scan."""
+Rig = Any
+"""`drive.Drive` or `rig.Base`: a robot with `pose`, `twist`, `wanted`, `stamp()` and `set_back(s)`,
+whose messages `say_command`, `say_odometry` and `say_scan` replace."""
 
 
 class Case(NamedTuple):
@@ -132,10 +105,6 @@ def _clock_back(rig: Rig, rng: np.random.Generator) -> Tick:
     return lambda: None
 
 
-def _twice(rig: Rig, rng: np.random.Generator) -> Tick:
-    return lambda: (rig.say_odometry(), rig.say_command(rig.wanted))
-
-
 def _reordered(rig: Rig, rng: np.random.Generator) -> Tick:
     held: list[Any] = []
 
@@ -147,10 +116,6 @@ def _reordered(rig: Rig, rng: np.random.Generator) -> Tick:
             held.clear()
 
     return tick
-
-
-def _lost(rig: Rig, rng: np.random.Generator) -> Tick:
-    return lambda: rig.say_odometry() if rng.random() > 0.3 else None
 
 
 STANDS, RESPONSE = "odometry: the pose stands", "robot: the position does not"
@@ -181,9 +146,14 @@ CASES = {
     "clock goes back": Case(0.0, "clock: has gone back", "", _clock_back, 0.3, lasts=STEP),
     # from the first reading on, which comes up to a tick later
     "clock stands": Case(0.15 + TICK, "clock: has stood still", clock=0.0),
-    "duplicated": Case(None, "", "", _twice),
+    "duplicated": Case(
+        None, "", "", lambda rig, rng: lambda: (rig.say_odometry(), rig.say_command(rig.wanted)),
+    ),
     "reordered": Case(None, "", "odometry", _reordered),
-    "30 % lost": Case(None, "", "odometry", _lost),
+    "30 % lost": Case(
+        None, "", "odometry",
+        lambda rig, rng: lambda: rig.say_odometry() if rng.random() > 0.3 else None,
+    ),
 }  # fmt: skip
 """name → fault."""
 

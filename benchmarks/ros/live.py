@@ -1,7 +1,5 @@
 """The node through real rclpy: planner, node and simulated robot in processes of their own.
 
-    python -m benchmarks.ros.live
-
 One drive to a goal past a zone of rank 1, then silence, zones that come and go, the lifecycle and
 both signals, on the loopback alone, within a minute. It needs the extra ros-wheels, or a sourced
 ROS. Faults are in `live_faults`.
@@ -9,22 +7,19 @@ ROS. Faults are in `live_faults`.
 # pyright: reportMissingImports=false
 
 import math
-import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from benchmarks.ros.rig import ALONE, PERIOD, Base, Planner, ended, process
+from benchmarks.ros.rig import PERIOD, Base, Planner, ended, filtered, process
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import ConvexPolygon
 from hcbf_robots.walkers import Walker
@@ -160,23 +155,15 @@ def lifecycle(planner: Planner, node: subprocess.Popen[bytes], found: dict[str, 
 def main() -> int:
     """Run all, print what was found, and return how much of it is wrong."""
     begun, found = time.monotonic(), dict[str, str]()
-    os.environ.update(ALONE)
-    rclpy.init()
-    planner = Planner()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "filter.yaml").write_text(PARAMETERS, encoding="utf-8")
-        with process(folder, "node", "ros", "--params", str(folder / "filter.yaml")) as node:
-            try:
-                drive(planner, folder, found)
-                silence(planner, found)
-                zones(planner, found)
-                lifecycle(planner, node, found)
-            finally:
-                for log in sorted(folder.glob("*.log")):
-                    print(log.stem, log.read_text(encoding="utf-8"), sep=": ")
-    planner.destroy_node()
-    rclpy.try_shutdown()
+    with filtered(PARAMETERS) as (planner, folder, node):
+        try:
+            drive(planner, folder, found)
+            silence(planner, found)
+            zones(planner, found)
+            lifecycle(planner, node, found)
+        finally:
+            for log in sorted(folder.glob("*.log")):
+                print(log.stem, log.read_text(encoding="utf-8"), sep=": ")
     for what, wrong in found.items():
         print(f"{what:36} {wrong or 'yes'}")
     print(f"{time.monotonic() - begun:.0f} s")

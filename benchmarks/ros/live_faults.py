@@ -7,18 +7,14 @@ trials take six minutes.
 """
 # pyright: reportMissingImports=false
 
-import os
 import sys
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
-import rclpy
 from lifecycle_msgs.msg import Transition
 
 from benchmarks.ros.faults import CASES
-from benchmarks.ros.rig import ALONE, PERIOD, SLACK, Base, Planner, process
+from benchmarks.ros.rig import PERIOD, SLACK, Base, filtered
 
 PARAMETERS = """hcbf_filter:
   ros__parameters:
@@ -72,34 +68,26 @@ def try_case(base: Base, name: str, rng: np.random.Generator) -> str:
 def main(trials: int = 3) -> int:
     """Run all, print how many trials of each passed, and return how many did not."""
     begun, missed, rng = time.monotonic(), 0, np.random.default_rng(41)
-    os.environ.update(ALONE)
-    rclpy.init()
-    planner = Planner()
-    base = planner.base = Base(planner, clock=1000.0)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "filter.yaml").write_text(PARAMETERS, encoding="utf-8")
-        with process(folder, "node", "ros", "--params", str(folder / "filter.yaml")):
-            log = folder / "node.log"
-            assert planner.change(Transition.TRANSITION_CONFIGURE), log.read_text("utf-8")
-            assert planner.change(Transition.TRANSITION_ACTIVATE)
-            planner.wants = lambda: (0.3, 0.0, 0.4)
-            assert planner.spin(10.0, planner.moving), planner.message
-            for case in CASES:
-                wrong, held = [], 0
-                while len(wrong) < trials and held < 10 * trials:
-                    base.longest = 0.0
-                    found = try_case(base, case, rng)
-                    if base.longest > HELD_UP:
-                        held += 1
-                    else:
-                        wrong.append(found)
-                passed = wrong.count("")
-                missed += trials - passed
-                again = f"({held} again)" if held else ""
-                print(f"{case:26} {passed} of {trials}", again, *filter(None, wrong), flush=True)
-    planner.destroy_node()
-    rclpy.try_shutdown()
+    with filtered(PARAMETERS) as (planner, folder, _):
+        base = planner.base = Base(planner, clock=1000.0)
+        configured = planner.change(Transition.TRANSITION_CONFIGURE)
+        assert configured, (folder / "node.log").read_text("utf-8")
+        assert planner.change(Transition.TRANSITION_ACTIVATE)
+        planner.wants = lambda: (0.3, 0.0, 0.4)
+        assert planner.spin(10.0, planner.moving), planner.message
+        for case in CASES:
+            wrong, held = [], 0
+            while len(wrong) < trials and held < 10 * trials:
+                base.longest = 0.0
+                found = try_case(base, case, rng)
+                if base.longest > HELD_UP:
+                    held += 1
+                else:
+                    wrong.append(found)
+            passed = wrong.count("")
+            missed += trials - passed
+            again = f"({held} again)" if held else ""
+            print(f"{case:26} {passed} of {trials}", again, *filter(None, wrong), flush=True)
     print(f"{time.monotonic() - begun:.0f} s")
     return missed
 

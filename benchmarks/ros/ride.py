@@ -19,16 +19,7 @@ Planner = Callable[[Array], tuple[float, float, float]]
 
 
 class Ride(Drive):
-    """Drives the simulated robot through a core, as `Drive` does a cart without physics.
-
-    Args:
-        planner: of the commands.
-        given: parameters beside the robot's.
-        robot: a contract's name.
-        map_file: of the scan.
-        start: x, y [m] and yaw [rad].
-        seed: of the scan's noise.
-    """
+    """Drives the simulated robot through a core, as `Drive` does a cart without physics."""
 
     def __init__(
         self,
@@ -80,10 +71,7 @@ class Ride(Drive):
 def pursuit(goals: list[tuple[float, float]], speed: float, most: float = 1.0) -> Planner:
     """Return a planner that turns to the next goal and drives at it, as examples/ros_planner.py.
 
-    Args:
-        goals: one after another; each counts within .3 m.
-        speed: at most [m/s].
-        most: turning rate [rad/s].
+    It turns by `most` rad/s; a goal counts within 0.3 m.
     """
     left = list(goals)
 

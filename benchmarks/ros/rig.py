@@ -6,6 +6,7 @@ import math
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -41,23 +42,16 @@ PERIOD, SLACK = 0.05, 0.1
 
 
 class Planner(Node):
-    """Publishes commands, and remembers the node's messages.
-
-    Args:
-        period: of the commands [s].
-
-    Attributes:
-        wants: (v_x, v_y, ω) now [m/s, rad/s]; None publishes nothing.
-        given: (time on the steady clock, v, ω) of each message on cmd_vel.
-        heard: called with each diagnostic.
-    """
+    """Publishes commands at a period [s], and remembers the node's messages."""
 
     def __init__(self, period: float = PERIOD) -> None:
         super().__init__("planner")
+        # (v_x, v_y, ω) now [m/s, rad/s]; None publishes nothing
         self.wants: Callable[[], tuple[float, float, float]] | None = None
+        # (time on the steady clock, v, ω) of each message on cmd_vel
         self.given: list[tuple[float, float, float]] = []
         self.counts: dict[str, int] = {}
-        self.heard: Callable[[str], Any] = str
+        self.heard: Callable[[str], Any] = str  # called with each diagnostic
         self.message, self.state, self.pose = "", "", np.zeros(3)
         self.base: Base | None = None
         self._velocity = self.create_publisher(TwistStamped, "cmd_vel_smoothed", 10)
@@ -161,24 +155,14 @@ class Planner(Node):
 class Base:
     """Odometry, a free scan and an empty map of a robot that follows commands (a `faults.Rig`).
 
-    Args:
-        planner: in whose process it is.
-        clock: where the robot's clock begins, which it publishes on /clock [s]; None: the wall's.
-
-    Attributes:
-        velocity: (v, ω) of the last command.
-        pose: x, y [m] and yaw [rad].
-        without: the missing messages: "odometry", "scan", "map" or "command".
-        tamper: called in every tick, to publish something else.
-        rate: speed of its clock.
-        longest: time between two ticks [s].
+    `clock` is where the robot's clock begins, which it publishes on /clock [s]; None: the wall's.
     """
 
     def __init__(self, planner: Planner, clock: float | None = None):
         self.planner, self.pose, self.velocity = planner, planner.pose.copy(), (0.0, 0.0)
-        self.without = ""
-        self.tamper: Callable[[], Any] = lambda: None
-        self.clock, self.rate, self.longest = clock, 1.0, 0.0
+        self.without = ""  # the missing messages: "odometry", "scan", "map" or "command"
+        self.tamper: Callable[[], Any] = lambda: None  # publishes something else in every tick
+        self.clock, self.rate, self.longest = clock, 1.0, 0.0  # rate: of the clock
         self._odometry = planner.create_publisher(Odometry, "odom", SENSOR)
         self._scan = planner.create_publisher(LaserScan, "scan", SENSOR)
         if clock is not None:
@@ -262,6 +246,21 @@ def scan_of(ranges: Array) -> LaserScan:
     """Return a scan all around of such ranges [m]."""
     last = 0.1 * (len(ranges) - 1)
     return LaserScan(angle_max=last, angle_increment=0.1, range_max=10.0, ranges=ranges.tolist())
+
+
+@contextlib.contextmanager
+def filtered(parameters: str) -> Iterator[tuple[Planner, Path, subprocess.Popen[bytes]]]:
+    """Yield a planner, a folder, and the process of a node with such parameters, beside it."""
+    os.environ.update(ALONE)
+    rclpy.init()
+    planner = Planner()
+    with tempfile.TemporaryDirectory() as name:
+        file = Path(name) / "filter.yaml"
+        file.write_text(parameters, encoding="utf-8")
+        with process(file.parent, "node", "ros", "--params", str(file)) as node:
+            yield planner, file.parent, node
+    planner.destroy_node()
+    rclpy.try_shutdown()
 
 
 @contextlib.contextmanager

@@ -54,11 +54,7 @@ def outcomes(
 ) -> list[Any]:
     """Return what episodes of one class showed, in order; what is in the folder is not run again.
 
-    Args:
-        episodes: dataclasses with a `run`.
-        folder: where finished ones are kept.
-        reads: files that decide them beside the sources of their class.
-        title: of a progress bar; none is shown without one.
+    `reads` are files that decide them beside the sources of their class.
     """
     run = type(episodes[0]).run
     return in_order(Runs(folder).over(run, episodes, title, reads))

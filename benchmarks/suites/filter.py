@@ -60,7 +60,7 @@ def _rows(count: int, place: str, blocks: int) -> list[dict[str, Any]]:
     x = np.array([*PLACES[place], 0.0, 0.0])
     calls = [
         _step(_environment(scene)),
-        _peers_step(_environment(scene), peers.cbfpy_filter(SHAPES[:count], x, WANTED)),
+        _step(_environment(scene), peers.cbfpy_filter(SHAPES[:count], x, WANTED)),
         *(_step(SafetyFilter(_environment(scene), name, **SAME_ROWS)) for name in PROGRAMS),
         *(_step(SafetyFilter(_environment(scene), name)) for name in PROGRAMS),
     ]
@@ -88,15 +88,11 @@ def _environment(scene: dict[str, Any]) -> gym.Env[Any, Any]:
     return gym.make("HCBF-Regions-v0", scenario=scene).unwrapped
 
 
-def _step(env: gym.Env[Any, Any]) -> Timed:
-    """Return how an episode begins, and its next step."""
+def _step(env: gym.Env[Any, Any], u: Callable[[], Any] | None = None) -> Timed:
+    """Return how an episode begins, and its next step, under a peer's input if there is one."""
     action = WANTED.astype(np.float32)
-    return lambda: env.reset(seed=0), lambda: env.step(action)
-
-
-def _peers_step(env: gym.Env[Any, Any], u: Callable[[], Any]) -> Timed:
-    """Return how an episode begins, and its next step under a peer's input."""
-    return lambda: env.reset(seed=0), lambda: env.step(u())
+    step = (lambda: env.step(action)) if u is None else lambda: env.step(u())
+    return lambda: env.reset(seed=0), step
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:

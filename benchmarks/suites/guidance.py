@@ -18,7 +18,8 @@ from benchmarks.common import median, parallel, table
 from hcbf_gym import _core, guidance, policies, scenarios
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import BarrierSet
-from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
+from hcbf_gym.envs.task import CONTROL_DT
+from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_share
 from hcbf_gym.evaluation.tables import Table
@@ -74,7 +75,7 @@ COURSES = ("paper-experiment-straight", "paper-simulation")
 class Outcome:
     """What N episodes amount to."""
 
-    reached: Mask  # (N,) whether the goal was reached within 20 s
+    reached: Mask  # (N,) whether the goal was reached within 20 s, without a fall
     seconds: Array  # (N,) when, infinity if it was not
     least: Array  # (N, m) least h of the true body [m] before that
     priority: Integers  # (N, m) of the barriers
@@ -89,59 +90,39 @@ class Outcome:
         return float((least < 0.0).mean())
 
 
-class Unguided:
-    """The same filter without guidance, asked at the states of a guided walk."""
+class Compared:
+    """A policy in N scenes, and what the filter without guidance makes of its inputs."""
 
-    def __init__(self, env: Any, cell: Cell, count: int):
-        self._env, self._plant = env.unwrapped, env.plant
-        input_set = self._env.scenario.input_set
-        self._core = FilterCore(self._plant, input_set, cell.settings(), count)
-        self._everyone = np.ones(count, dtype=np.bool_)
+    def __init__(self, env: Any, act: Any, cell: Cell, count: int):
+        self._env, self._act, self._settings = env, act, cell.settings()
+        self.wanted = self.unguided = np.zeros((count, 2))
 
-    def sense(self, observation: Any, info: dict[str, Any]) -> tuple[Any, Any]:
-        """Return barriers and estimate as a filter reads them, before a step changes them."""
-        plant, env = self._plant, self._env
-        return read(plant.barriers, env, observation, info), plant.state(env, observation, info)
+    @functools.cached_property
+    def _core(self) -> FilterCore:
+        """The filter without guidance, made after the reset."""
+        env = self._env
+        return FilterCore(
+            env.plant, env.unwrapped.scenario.input_set, self._settings, len(self.wanted)
+        )
 
-    def u(self, u_nominal: Array, sensed: tuple[Any, Any]) -> Array:
-        """Return what the filter without guidance chooses; it forgets what was applied before."""
-        self._core.restart(self._everyone)
-        return self._core.step(u_nominal, *sensed)[0].copy()
+    def __call__(self, observation: Any, info: Any) -> Array:
+        """Return u*, and retain it beside the other input, which forgets what was applied."""
+        env, plant = self._env.unwrapped, self._env.plant
+        u = np.asarray(self._act(observation, info), dtype=np.float64)
+        sensed = read(plant.barriers, env, observation, info), plant.state(env, observation, info)
+        self._core.restart(np.ones(len(self.wanted), dtype=np.bool_))
+        self.wanted, self.unguided = np.atleast_2d(u), self._core.step(u, *sensed)[0].copy()
+        return u
 
 
 def on_model(cell: Cell, count: int) -> Outcome:
     """Walk `count` scenes together on the reduced-order model."""
-    bare = gym.make_vec(
+    env: Any = gym.make_vec(
         "HCBF-Regions-v0", num_envs=count, scenario=cell.scene, autoreset_mode="Disabled"
     )
-    env: Any = VectorSafetyFilter(bare, cell.program, guidance=cell.guidance, **cell.options)
-    inner = env.unwrapped
+    env = VectorSafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
     act = PDTracker.for_env(env) if cell.policy == "pd" else policies.load(cell.policy, env)
-    observation, info = env.reset(seed=FIRST_SEED)
-    unguided, radius = Unguided(env, cell, count), inner.scenes[0].goal_radius
-    least, priority = info["min_h"].copy(), inner.barrier_set.priority.copy()
-    reached, seconds = np.zeros(count, dtype=np.bool_), np.full(count, np.inf)
-    deadlock, change, steps = np.zeros((3, count))
-    distance = np.full(count, np.inf)
-    for step in range(MAX_EPISODE_STEPS):
-        running = ~reached
-        u_nominal = np.asarray(act(observation, info), dtype=np.float64)
-        without = unguided.u(u_nominal, unguided.sense(observation, info))
-        observation, _, _, _, info = env.step(u_nominal)
-        least[running] = np.minimum(least, info["min_h"])[running]
-        x = inner.rom_state
-        distance[running] = np.linalg.norm(x[:, :2] - inner.goal, axis=1)[running]
-        deadlock += running & deadlocked(x[:, 2:], u_nominal, distance, radius)
-        change += running * np.linalg.norm(info["safety_filter"]["u_safe"] - without, axis=1)
-        steps += running
-        seconds[running & (distance <= radius)] = CONTROL_DT * (step + 1)
-        reached |= distance <= radius
-        if reached.all():
-            break
-    env.close()
-    final = np.where(reached, 0.0, distance)
-    fell = np.zeros(count, dtype=np.bool_)
-    return Outcome(reached, seconds, least, priority, deadlock / steps, change / steps, final, fell)
+    return _walked(env, Compared(env, act, cell, count), FIRST_SEED)
 
 
 def on_a1(cell: Cell, count: int) -> Outcome:
@@ -155,26 +136,38 @@ def a1_episode(cell: Cell, seed: int) -> Outcome:
     """Walk one scene on the A1; the goal and h are the true trunk's."""
     env: Any = gym.make("HCBF-A1Regions-v0", scenario=cell.scene)
     env = SafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
-    inner, act = env.unwrapped, policies.make(cell.policy, env)
-    observation, info = env.reset(seed=seed)
-    unguided, scene = Unguided(env, cell, 1), inner.scenario
-    least, deadlock, change, reached, over = info["min_h"].copy(), [], [], False, False
-    distance = np.array(np.inf)
-    while not (over or reached):
-        u_nominal = np.asarray(act(observation, info), dtype=np.float64)
-        without = unguided.u(u_nominal, unguided.sense(observation, info))
-        observation, _, terminated, truncated, info = env.step(u_nominal)
-        least = np.minimum(least, info["min_h"])
-        x = inner.rom_state
-        distance = np.array(np.linalg.norm(x[:2] - scene.goal), dtype=np.float64)
-        deadlock.append(deadlocked(x[2:], u_nominal, distance, scene.goal_radius))
-        change.append(np.linalg.norm(info["safety_filter"]["u_safe"] - without))
-        reached, over = bool(distance <= scene.goal_radius), terminated or truncated
+    return _walked(env, Compared(env, policies.make(cell.policy, env), cell, 1), seed)
+
+
+def _walked(env: Any, act: Compared, seed: int) -> Outcome:
+    """Walk the scenes of an environment until all goals are reached, or the episodes end."""
+    inner, walk, count = env.unwrapped, samples(env, act, seed), len(act.wanted)
+    info = next(walk).info
+    least = np.atleast_2d(info["min_h"]).copy()
+    scenes = getattr(inner, "scenes", None) or [inner.scenario]
+    goal, radius = np.array([one.goal for one in scenes]), scenes[0].goal_radius
+    reached, seconds = np.zeros(count, dtype=np.bool_), np.full(count, np.inf)
+    deadlock, change, steps = np.zeros((3, count))
+    distance = np.full(count, np.inf)
+    for step, (_, info, *_) in enumerate(walk, 1):
+        running, x = ~reached, np.atleast_2d(inner.rom_state)
+        least[running] = np.minimum(least, info["min_h"])[running]
+        distance[running] = np.linalg.norm(x[:, :2] - goal, axis=1)[running]
+        deadlock += running & deadlocked(x[:, 2:], act.wanted, distance, radius)
+        applied = np.atleast_2d(info["safety_filter"]["u_safe"])
+        change += running * np.linalg.norm(applied - act.unguided, axis=1)
+        steps += running
+        seconds[running & (distance <= radius)] = CONTROL_DT * step
+        reached |= distance <= radius
+        if reached.all():
+            break
     env.close()
-    fell, priority = bool(info["fallen"]), [barrier.priority for barrier in inner.barriers]
-    seconds, final = (CONTROL_DT * len(change), 0.0) if reached else (np.inf, distance)
-    one = (reached and not fell, seconds, least, priority, np.mean(deadlock, dtype=float))
-    return Outcome(*(np.array([value]) for value in (*one, np.mean(change), final, fell)))
+    final = np.where(reached, 0.0, distance)
+    fell = np.zeros_like(reached) | (np.asarray(info.get("fallen", 0.0)) > 0.0)
+    return Outcome(
+        reached & ~fell, seconds, least, inner.barrier_set.priority.copy(), deadlock / steps,
+        change / steps, final, fell,
+    )  # fmt: skip
 
 
 def run(quick: bool) -> dict[str, Any]:

@@ -129,8 +129,7 @@ def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, An
     inner: Any = env.unwrapped
     observation, info = env.reset(seed=FIRST_SEED)
     now = Situation(env, np.random.default_rng(FIRST_SEED))
-    barriers, radius = now.barriers, inner.scenes[0].goal_radius
-    least, inside, gap = info["h"].copy(), np.zeros_like(info["h"]), 0.0
+    least, gap, radius = info["h"].copy(), 0.0, inner.scenes[0].goal_radius
     reached, violated = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
     backup = 0
     for _ in range(MAX_EPISODE_STEPS):
@@ -139,10 +138,7 @@ def walk_all(family: str, policy: str, rows: str, episodes: int) -> dict[str, An
         report, x = info["safety_filter"], now.x
         violated |= report["status"] == FilterStatus.VIOLATED
         backup += int((report["status"] == FilterStatus.BACKUP).sum())
-        advance(
-            barriers.kind, barriers.parameters, x, now.t, report["u_safe"], CONTROL_DT, LOOKS,
-            least, inside,
-        )  # fmt: skip
+        advance(now.barriers, x, now.t, report["u_safe"], CONTROL_DT, LOOKS, least)
         gap = max(gap, float(np.abs(x - inner.rom_state).max()))
         reached |= np.linalg.norm(x[:, :2] - inner.goal, axis=1) <= radius
     env.close()

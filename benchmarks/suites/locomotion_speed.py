@@ -5,9 +5,10 @@ meanwhile does not count.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
+from unittest.mock import patch
 
 import gymnasium as gym
 import mujoco
@@ -135,8 +136,7 @@ def stage_shares() -> list[Measure]:
 @contextmanager
 def _timed(owner: Any, name: str) -> Iterator[list[float]]:
     """Let a function note the seconds of every call in the list returned."""
-    inner: Callable[..., Any] = getattr(owner, name)
-    spent: list[float] = []
+    inner, spent = getattr(owner, name), list[float]()
 
     def outer(*args: Any) -> Any:
         begin = time.perf_counter()
@@ -144,8 +144,5 @@ def _timed(owner: Any, name: str) -> Iterator[list[float]]:
         spent.append(time.perf_counter() - begin)
         return result
 
-    setattr(owner, name, outer)
-    try:
+    with patch.object(owner, name, outer):
         yield spent
-    finally:
-        setattr(owner, name, inner)

@@ -116,12 +116,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def mutated(data: Any, rng: np.random.Generator) -> Any:
-    """Return a copy of nested dicts and lists with one entry replaced, scaled, left out or doubled.
-
-    Args:
-        data: of JSON types.
-        rng: decides which and how.
-    """
+    """Return a copy of JSON data with one entry replaced, scaled, left out or doubled."""
     copied = copy.deepcopy(data)
     places = list(_places(copied))
     holder, key = places[rng.integers(len(places))]

@@ -93,9 +93,8 @@ def _filter_in_turn(name: str, solver: str | None = None) -> Callable[[], Any]:
 
 
 def _single(repeats: int) -> dict[str, float]:
-    names = programs.names()
-    times = medians([_filter_in_turn(name) for name in names], repeats)
-    return dict(zip(names, times, strict=True))
+    times = medians(map(_filter_in_turn, programs.names()), repeats)
+    return dict(zip(programs.names(), times, strict=True))
 
 
 def _solvers(repeats: int) -> dict[str, dict[str, float]]:

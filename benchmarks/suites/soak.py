@@ -11,8 +11,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.command_tracking import WRAPPERS
 from benchmarks.common import parallel, table
+from benchmarks.suites.monitor import WRAPPERS
 from hcbf_gym import wrappers
 from hcbf_gym.errors import HcbfError
 from hcbf_gym.evaluation.tables import Table

@@ -84,9 +84,7 @@ def inputs_on_the_row(a, b, rng):
 def least_and_after(barriers, x, t, u, how):
     """Return the least h while u is held, finely sampled, and ψ at the end."""
     least, end = barriers.values(x, t), x.copy()
-    conflicts.advance(
-        barriers.kind, barriers.parameters, end, t, u, how.period, 100, least, np.zeros(least.shape)
-    )
+    conflicts.advance(barriers, end, t, u, how.period, 100, least)
     return least[:, 0], end, psi(barriers, end, t + how.period, how)
 
 

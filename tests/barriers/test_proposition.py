@@ -20,14 +20,14 @@ from hcbf_gym.barriers import (
 from hcbf_gym.models import Box, Uncertainty
 
 PLAIN = Draw(0.02, LogClassK(), 2.0, Box.symmetric(5.0), 0.0, 0.0, "exact", (), False, "lex-cbf-qp")
-WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0), 0, (-1.0, 0.0, 0.0)
+WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0)
 
 
 @pytest.mark.parametrize("axes", [(0.6, 0.4), (1.0, 0.2)])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_body_that_is_pressed_round_the_tip_of_an_ellipse_enters_nothing(axes, side):
-    region = Ellipse("ellipse", 1, (0.0, 0.0), axes), 2, (0.0, 0.0, *axes, 0.0)
-    way = Start(*region, np.array([1.1 * axes[0] + 0.5, 0.0, 0.0, 0.0]), seconds=3.0)
+    region = Ellipse("ellipse", 1, (0.0, 0.0), axes)
+    way = Start(region, np.array([1.1 * axes[0] + 0.5, 0.0, 0.0, 0.0]), seconds=3.0)
 
     def round_the_tip(x):
         inwards = -x[:2] / np.linalg.norm(x[:2])
@@ -42,7 +42,7 @@ def test_a_body_that_is_pressed_round_the_tip_of_an_ellipse_enters_nothing(axes,
 @pytest.mark.parametrize("size", [0.02, 0.05, 0.1])
 @pytest.mark.parametrize("known", ["dead reckoning", "accelerating"])
 def test_dead_reckoning_that_is_off_by_all_that_is_reserved_enters_nothing(known, size, period):
-    way = Start(*WALL, np.array([-1.5, 0.0, 0.0, 0.0]), seconds=4.0, size=size)
+    way = Start(WALL, np.array([-1.5, 0.0, 0.0, 0.0]), seconds=4.0, size=size)
     drawn = PLAIN._replace(known=known, period=period)
     least, silent = proposition.follow(drawn, way, lambda x: np.array([5.0, 0.0]))
     assert not silent
@@ -56,8 +56,8 @@ def test_dead_reckoning_that_is_off_by_all_that_is_reserved_enters_nothing(known
 def test_what_u_can_stop_is_stopped(away, speed, period):
     spare = away - speed**2 / (2.0 * 5.0)
     assert spare > 0.0
-    for region in (WALL, (Disc("disc", 1, (0.5, 0.0), 0.5), 1, (0.5, 0.0, 0.5))):
-        way = Start(*region, np.array([-away, 0.0, speed, 0.0]), seconds=3.0)
+    for region in (WALL, Disc("disc", 1, (0.5, 0.0), 0.5)):
+        way = Start(region, np.array([-away, 0.0, speed, 0.0]), seconds=3.0)
         drawn = PLAIN._replace(period=period)
         least, silent = proposition.follow(drawn, way, lambda x: np.array([5.0, 0.0]))
         assert least >= 0.0

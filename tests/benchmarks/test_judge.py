@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks import proposition
 from benchmarks.judges import exact, squares
 from benchmarks.judges.exact import exactly
+from hcbf_gym.barriers import BarrierSet, Capsule, ConvexPolygon, Disc, Ellipse
 from hcbf_robots.maps import Grid
 from tests.maps.floors import ORIGINS, cells, room, true_distance
 
@@ -69,12 +69,12 @@ def test_equations_are_solved_exactly(size):
 
 
 REGIONS = {
-    "disc": (0.5, -0.3, 0.8),
-    "ellipse": (0.4, 0.2, 0.3, 1.2, 0.7),
-    "polygon": (-1.0, -0.5, 0.5, -1.0, 1.5, 0.0, 0.5, 1.0, -0.5, 0.8),
-    "capsule": (-1.0, -0.5, 1.0, 0.8, 0.3),
+    "disc": (Disc, ((0.5, -0.3), 0.8)),
+    "ellipse": (Ellipse, ((0.4, 0.2), (0.3, 1.2), 0.7)),
+    "polygon": (ConvexPolygon, (((-1.0, -0.5), (0.5, -1.0), (1.5, 0.0), (0.5, 1.0), (-0.5, 0.8)),)),
+    "capsule": (Capsule, ((-1.0, -0.5), (1.0, 0.8), 0.3)),
 }
-"""Kinds of `proposition.SHAPES` with an inside, and their numbers."""
+"""Regions with an inside, and their numbers."""
 
 
 @pytest.mark.parametrize("origin", ORIGINS)
@@ -113,13 +113,16 @@ def is_inside(kind, c, x, y):
     return np.all(left_of, axis=0)
 
 
-@pytest.mark.parametrize(("kind", "numbers"), REGIONS.items())
-def test_a_region_is_as_far_as_the_nearest_point_beyond_its_border(kind, numbers):
+@pytest.mark.parametrize("kind", REGIONS)
+def test_a_region_is_as_far_as_the_nearest_point_beyond_its_border(kind):
+    shape, arguments = REGIONS[kind]
+    numbers = np.concatenate([np.ravel(one) for one in arguments])
     axis = np.linspace(-3.0, 3.0, 601)
     x, y = (values.ravel() for values in np.meshgrid(axis, axis))
     inside = is_inside(kind, numbers, x, y)
     px, py = np.random.default_rng(0).uniform(-2.0, 2.0, (2, 60))
-    found = proposition.distance(proposition.SHAPES.index(kind), np.array(numbers), px, py)
+    states = np.column_stack([px, py, 0.0 * px, 0.0 * py])
+    found = BarrierSet([[shape("it", 1, *arguments)]]).along(states, np.zeros(60))[:, 0]
     assert ((found <= 0.0) == is_inside(kind, numbers, px, py)).all()
     for k in range(len(px)):
         beyond = inside != (found[k] <= 0.0)

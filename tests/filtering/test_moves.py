@@ -154,7 +154,7 @@ def test_errors_that_are_declared_are_no_motion():
 @pytest.mark.parametrize("turns", [False, True])
 def test_trackers(turns, named):
     """The quick form of ``python -m benchmarks.trackers``."""
-    for errors in trackers.ERRORS:
+    for errors in trackers.ERRORS.values():
         for declares in (True, False):
             world = trackers.World(30, 3, 0.05, 7, named)
             found = quietly(trackers.drive, world, errors, declares, 6.0, turns)

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.covers import rasters
 from hcbf_gym.errors import InvalidInputError
 from hcbf_robots.maps import Grid, MapClass, RankedMap
 from hcbf_robots.maps.cover import MOST_PIECES, Cover
@@ -78,6 +77,27 @@ def test_a_change_far_from_a_piece_leaves_it_as_it_is():
     anew = RankedMap(changed.grid, changed.classes)
     points = np.random.default_rng(0).uniform(0.0, 4.0, (500, 2))
     assert np.abs(changed.distance(points, 1) - anew.distance(points, 1)).max() <= 1.5 * CELL
+
+
+def rasters(side):
+    """Yield name → cells that are hard to cover."""
+    rng = np.random.default_rng(0)
+    r, c = np.indices((side, side))
+    yield "checkerboard", (r + c) % 2 == 0
+    yield "dots", (r % 2 == 0) & (c % 2 == 0)
+    for share in (0.02, 0.1, 0.3, 0.5, 0.7, 0.9):
+        yield f"random {share:.0%}", rng.random((side, side)) < share
+    yield "stripes", r % 2 == 0
+    yield "diagonal stripes", (r + c) % 3 == 0
+    yield "steep stripes", (3 * r + c) % 7 == 0
+    yield "crooked stripes", (1.618 * r + c) % 5.0 < 1.0
+    yield "triangle", r + c >= side
+    yield "comb", (r < 2) | (c % 2 == 0)
+    x, y = c - side / 2.0, r - side / 2.0
+    yield "spiral", (np.hypot(x, y) / 2.5 - np.arctan2(y, x) / np.pi) % 2.0 < 1.0
+    yield "rings", np.hypot(x, y) % 3.0 < 1.0
+    yield "full", np.ones((side, side), dtype=np.bool_)
+    yield "noise in rooms", (rng.random((side, side)) < 0.01) | (r % 100 == 0) | (c % 100 == 0)
 
 
 HARD = dict(rasters(600))
