@@ -1,7 +1,7 @@
 """The compiled filter of N plants, bound to what it reads, and to the report that it writes.
 
-``info["safety_filter"]`` has the fields of `report` in `plants.hpp`. The keys are the same for every
-filter; a field that a filter does not write is 0.
+``info["safety_filter"]`` has the fields of `report` in `plants.hpp`. The keys are the same for
+every filter; a field that a filter does not write is 0.
 """
 
 from functools import cache
