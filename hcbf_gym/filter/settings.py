@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
 
-ROW_OPTIONS = ("alpha1", "alpha2")
+ROW_OPTIONS = ("alpha1", "alpha2", "alpha_speed")
 """Options that are not the program's."""
 
 USUAL_ROWS_MARGIN = 0.01
@@ -33,7 +34,7 @@ class FilterSettings(NamedTuple):
         solver: its name; None is the compiled path where there is one.
         on_alarm: "warn" or "brake"; None takes the plant's.
         allow_late_inputs: whether a row may miss an input that helps later.
-        options: α₁, α₂ and the program's own.
+        options: α₁, α₂, that of speeds, and the program's own.
     """
 
     program: programs.Named
@@ -44,6 +45,13 @@ class FilterSettings(NamedTuple):
     on_alarm: str | None
     allow_late_inputs: bool
     options: Mapping[str, Any]
+
+
+def alphas_of(options: Mapping[str, Any], period: float | None) -> dict[str, ClassK]:
+    """Return α₁, α₂ and that of speeds by their names: those given, or what a period T [s] makes."""
+    usual = class_k.unless_given(period)
+    known = dict(zip(ROW_OPTIONS, (LogClassK(), usual, usual), strict=True))
+    return {name: class_k.make(options.get(name, alpha)) for name, alpha in known.items()}
 
 
 def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -42,7 +42,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         allow_late_inputs: whether a warning replaces the refusal.
         certificate: of the plant.
         threads: how many cores filter at once; the answer is the same.
-        **options: α₁, α₂ and the program's.
+        **options: α₁, α₂, that of speeds, and the program's.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
+    BrakeClassK,
     Capsule,
     ConvexPolygon,
     Disc,
@@ -175,7 +176,7 @@ def test_bad_barriers_are_refused_with_what_was_expected(make):
 
 @given(st.floats(-50, 50), st.floats(1e-3, 5))
 def test_class_k_increases_has_its_derivative_and_its_inverse(h, step):
-    for alpha in (LogClassK(), LogClassK(0.3, 2.0, 0.7), LinearClassK(3.0)):
+    for alpha in (LogClassK(), LogClassK(0.3, 2.0, 0.7), LinearClassK(3.0), BrakeClassK(4.5, 0.1)):
         assert alpha(0.0) == 0.0
         assert alpha(h + step) > alpha(h)
         assert alpha.inverse(alpha(h)) == pytest.approx(h, rel=1e-9, abs=1e-9)

@@ -1,4 +1,4 @@
-// How barriers become rows a·u ≥ b: α₁, α₂, and for how long an input is held.
+// How barriers become rows a·u ≥ b: α₁, α₂, that of speeds, and for how long an input is held.
 #pragma once
 #include <cstddef>
 
@@ -6,14 +6,15 @@
 
 namespace hcbf::row_settings {
 
-struct RowSettings {  // the (15,) numbers of `RowSettings.packed` in Python
+struct RowSettings {  // the (19,) numbers of `RowSettings.packed` in Python
   class_k::ClassK alpha1, alpha2;
+  class_k::ClassK alpha_speed;  // of speed limits and zones, on h itself
   double period;           // T [s]
   double u_max;            // the largest norm of an input [m/s²]; 0 where U is not known
   double held;             // 1 for rows of an input that is held for T, else 0
   double low[2], high[2];  // the least and the greatest inputs [m/s²]
 };
-static_assert(sizeof(RowSettings) == 15 * sizeof(double));
+static_assert(sizeof(RowSettings) == 19 * sizeof(double));
 
 template <class Number>
 struct RowOf {
