@@ -212,10 +212,11 @@ def test_the_row_tends_to_the_usual_one_as_the_hold_becomes_short(kind):
     assert (gaps[2] <= 0.2 * gaps[1] + 1e-9).all()
 
 
+@pytest.mark.parametrize("gain", [2.0, 10.0, 25.0])
 @pytest.mark.parametrize("kind", SHAPES)
-def test_braking_meets_every_row_of_a_standing_region(kind):
+def test_braking_meets_every_row_of_a_standing_region(kind, gain):
     rng = np.random.default_rng(5)
-    n, how = 2000, RowSettings(period=0.02, u_max=U_MAX)
+    n, how = 2000, RowSettings(alpha2=LinearClassK(gain), period=0.02, u_max=U_MAX)
     barriers = BarrierSet([(shape(kind, rng, moving=False),) for _ in range(n)])
     x, t = states_near(barriers, rng, n), np.zeros(n)
     x[:, 2:] *= np.minimum(1.0, 1.0 / np.linalg.norm(x[:, 2:], axis=1))[:, None]
@@ -232,6 +233,8 @@ def test_braking_meets_every_row_of_a_standing_region(kind):
     [
         lambda: RowSettings(period=0.2001, u_max=1.0),  # 0.2 s is one over the slope of α₁
         lambda: RowSettings(alpha1=LinearClassK(30.0), period=0.05, u_max=1.0),
+        lambda: RowSettings(BrakeClassK(4.5, 0.08), period=0.02, u_max=1.0),
+        lambda: RowSettings(alpha_speed=LinearClassK(51.0), period=0.02, u_max=1.0),
         lambda: RowSettings(period=0.02),
         lambda: RowSettings(period=-0.02, u_max=1.0),
         lambda: check_limits(BarrierSet([[SpeedLimit("cap", 1, 0.1)]]), (0.02, 7.0)),
@@ -241,6 +244,19 @@ def test_settings_under_which_no_row_can_hold_are_refused(make):
     assert RowSettings(period=0.2, u_max=1.0).held
     with pytest.raises(InvalidInputError, match="expected"):
         make()
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_larger_alpha2_requests_no_more_where_psi_is_not_negative(kind):
+    rng = np.random.default_rng(7)
+    n, gains = 2000, np.sort(rng.uniform(0.1, 50.0, 8))
+    barriers = BarrierSet([(shape(kind, rng),)] * n)
+    x, t = states_near(barriers, rng, n), np.zeros(n)
+    hows = [RowSettings(alpha2=LinearClassK(gain), period=0.02, u_max=U_MAX) for gain in gains]
+    safe = psi(barriers, x, t, hows[0]) >= 0.0
+    requested = [planar_rows(barriers, x, t, how).b[safe, 0] for how in hows]
+    assert safe.sum() > 300
+    assert (np.diff(requested, axis=0) <= 0.0).all()
 
 
 def test_psi_is_reported_beside_its_alpha2():
