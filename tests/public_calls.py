@@ -326,10 +326,11 @@ def calls() -> dict[str, Call]:
         )),
         "RowSettings": Call(barriers.RowSettings, given(
             alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(2.0), period=0.02, u_max=5.0,
-            limits=((-5.0, -5.0), (5.0, 5.0)),
+            limits=((-5.0, -5.0), (5.0, 5.0)), alpha_speed=barriers.LinearClassK(2.0),
         )),
         "GeneralRows": Call(barriers.GeneralRows, given(
             model=models.Unicycle(), alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(2.0),
+            alpha_speed=barriers.LinearClassK(2.0),
         )),
         "GeneralRows()": Call(
             barriers.GeneralRows(
@@ -338,6 +339,7 @@ def calls() -> dict[str, Call]:
             given(barriers=[DISC], x=X, t=0.0, margin=0.0, margin_rate=0.0),
         ),
         "LinearClassK": Call(barriers.LinearClassK, given(gain=1.0)),
+        "BrakeClassK": Call(barriers.BrakeClassK, given(deceleration=4.5, offset=0.1)),
         "LogClassK": Call(barriers.LogClassK, given(phi1=1.0, phi2=1.0, phi3=1.0)),
         "barriers.from_dict": Call(barriers.from_dict, given(data=barriers.to_dict(DISC))),
         "barriers.to_dict": Call(barriers.to_dict, given(barrier=DISC)),

@@ -157,7 +157,9 @@ class BrakeClassK(ClassK):
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK, "brake": BrakeClassK}
 GAIN: float = _core.GAIN
-"""Of α₂ and of speed limits, of plants that are their models [1/s]."""
+"""Of α₂ and of speed limits [1/s], of bodies that move as their model."""
+LAGGING = 2.0
+"""Of bodies that lag behind it, whose `Uncertainty.cap` is not 0: docs/rows.md has the table."""
 
 
 def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
@@ -165,7 +167,7 @@ def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
 
     Args:
         period: T [s]; None takes the longest that rows allow for.
-        gain: of the plant [1/s].
+        gain: of the plant [1/s], `GAIN` or `LAGGING`.
     """
     return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD, gain))
 

@@ -91,7 +91,7 @@ class Configured:
         self.plant, self.input_set, self.settings = plant, input_set, settings
         self.count = count
         self._check_axle()
-        alphas = alphas_of(settings.options, plant.period)
+        alphas = alphas_of(settings.options, plant)
         self.alpha1, self.alpha2, self.alpha_speed = alphas.values()
         self.alpha1_scale = self._fit_alpha1()
         held = settings.rows == "held" and self.is_planar and plant.period is not None
