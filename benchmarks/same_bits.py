@@ -128,7 +128,7 @@ PROGRAMS = ("lex-cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp")
 
 
 def drive(
-    make: Callable[[], gym.Env], steps: int, seed: int, **alphas: float
+    make: Callable[[], gym.Env], steps: int, seed: int, **alphas: Any
 ) -> Iterator[dict[str, Array]]:
     """Yield what an episode reports at each step, under inputs that are drawn for a while each."""
     program = PROGRAMS[seed % len(PROGRAMS)]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -60,11 +60,11 @@ class RowSettings:
     """
 
     alpha1: ClassK = field(default_factory=LogClassK)
-    alpha2: ClassK = None  # type: ignore[assignment]
+    alpha2: Any = None
     period: float | None = None
     u_max: float | None = None
     limits: tuple[Pair, Pair] | None = None
-    alpha_speed: ClassK = None  # type: ignore[assignment]
+    alpha_speed: Any = None
 
     def __post_init__(self) -> None:
         period = self.period

@@ -110,9 +110,9 @@ def _fan(count: int) -> Trajectories:
 
 def _rom() -> Trajectories:
     settings = _settings()
-    relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]], ALPHAS)
+    relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]], options=ALPHAS)
     weights = np.array([(gamma0, delta_gamma) for _, gamma0, delta_gamma in settings[1:]])
-    hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T, ALPHAS)
+    hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T, options=ALPHAS)
     return _side_by_side(relaxed, hierarchical)
 
 
@@ -120,7 +120,7 @@ def _distance_with_equal_weights() -> list[float]:
     """Return how far R and H get from each other under the same weights, for each γ₀ [m]."""
     weights = GAMMAS, [DELTA_GAMMA] * len(GAMMAS)
     relaxed, hierarchical = (
-        simulate(SCENE, program, *weights, ALPHAS) for program in ("r-cbf-qp", "h-cbf-qp")
+        simulate(SCENE, program, *weights, options=ALPHAS) for program in ("r-cbf-qp", "h-cbf-qp")
     )
     apart = np.linalg.norm(relaxed.position - hierarchical.position, axis=2)
     return apart.max(axis=0).tolist()
