@@ -57,7 +57,7 @@ class Problem(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("count", "m")),
-        ("settings", ctypes.c_double * 15),
+        ("settings", ctypes.c_double * 19),
         ("corners", ctypes.c_double * 8),
         *((name, ctypes.c_void_p) for name in (*Scenes._fields, *Answer._fields)),
     ]
@@ -66,7 +66,7 @@ class Problem(ctypes.Structure):
 def problem(scenes: Scenes, places: list[int]) -> Problem:
     """Return the kernel's record of scenes and answers that are at these addresses."""
     settings, corners = SETTINGS.packed.tolist(), U.vertices().ravel().tolist()
-    numbers = (ctypes.c_double * 15)(*settings), (ctypes.c_double * 8)(*corners)
+    numbers = (ctypes.c_double * 19)(*settings), (ctypes.c_double * 8)(*corners)
     return Problem(*scenes.kind.shape, *numbers, *places)
 
 

@@ -42,11 +42,13 @@ class Record:
         file: to write, an npz.
         episodes: of each family of plants and scenes.
         only: the families; all where none is named.
+        alpha: gain of α₂ and of speed limits [1/s]; None takes the defaults.
     """
 
     file: tyro.conf.Positional[Path]
     episodes: int = 100
     only: tuple[str, ...] = ()
+    alpha: float | None = None
 
 
 @dataclass
@@ -125,10 +127,12 @@ FAMILIES: dict[str, tuple[Callable[[], gym.Env], int]] = {
 PROGRAMS = ("lex-cbf-qp", "r-cbf-qp", "h-cbf-qp", "ih-cbf-qp", "eh-cbf-qp")
 
 
-def drive(make: Callable[[], gym.Env], steps: int, seed: int) -> Iterator[dict[str, Array]]:
+def drive(
+    make: Callable[[], gym.Env], steps: int, seed: int, **alphas: Any
+) -> Iterator[dict[str, Array]]:
     """Yield what an episode reports at each step, under inputs that are drawn for a while each."""
     program = PROGRAMS[seed % len(PROGRAMS)]
-    env = hcbf_gym.wrappers.SafetyFilter(make(), program=program, allow_late_inputs=True)
+    env = hcbf_gym.wrappers.SafetyFilter(make(), program=program, allow_late_inputs=True, **alphas)
     rng = np.random.default_rng(seed)
     observation, info = env.reset(seed=seed)
     action = np.zeros(env.action_space.shape or ())
@@ -145,10 +149,12 @@ def drive(make: Callable[[], gym.Env], steps: int, seed: int) -> Iterator[dict[s
 def record(command: Record) -> None:
     """Write what every family reports."""
     stored: dict[str, Array] = {}
+    names = () if command.alpha is None else ("alpha2", "alpha_speed")
+    alphas = dict.fromkeys(names, command.alpha)
     for family in command.only or FAMILIES:
         make, steps = FAMILIES[family]
         for seed in range(command.episodes):
-            reported = list(drive(make, steps, seed))
+            reported = list(drive(make, steps, seed, **alphas))
             for key in reported[0]:
                 stored[f"{family}/{seed}/{key}"] = np.array([one[key] for one in reported])
         print(family, command.episodes, flush=True)

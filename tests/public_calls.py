@@ -314,19 +314,21 @@ def calls() -> dict[str, Call]:
             i=0, scene=[DISC],
         )),
         "RowSettings": Call(barriers.RowSettings, given(
-            alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(), period=0.02, u_max=5.0,
-            limits=((-5.0, -5.0), (5.0, 5.0)),
+            alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(2.0), period=0.02, u_max=5.0,
+            limits=((-5.0, -5.0), (5.0, 5.0)), alpha_speed=barriers.LinearClassK(2.0),
         )),
         "GeneralRows": Call(barriers.GeneralRows, given(
-            model=models.Unicycle(), alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(),
+            model=models.Unicycle(), alpha1=barriers.LogClassK(), alpha2=barriers.LinearClassK(2.0),
+            alpha_speed=barriers.LinearClassK(2.0),
         )),
         "GeneralRows()": Call(
             barriers.GeneralRows(
-                models.DoubleIntegrator(), barriers.LogClassK(), barriers.LinearClassK()
+                models.DoubleIntegrator(), barriers.LogClassK(), barriers.LinearClassK(2.0)
             ).__call__,
             given(barriers=[DISC], x=X, t=0.0, margin=0.0, margin_rate=0.0),
         ),
         "LinearClassK": Call(barriers.LinearClassK, given(gain=1.0)),
+        "BrakeClassK": Call(barriers.BrakeClassK, given(deceleration=4.5, offset=0.1)),
         "LogClassK": Call(barriers.LogClassK, given(phi1=1.0, phi2=1.0, phi3=1.0)),
         "barriers.from_dict": Call(barriers.from_dict, given(data=barriers.to_dict(DISC))),
         "barriers.to_dict": Call(barriers.to_dict, given(barrier=DISC)),
@@ -368,7 +370,7 @@ def calls() -> dict[str, Call]:
             rows=ROWS, result=programs.make("lex-cbf-qp")(np.zeros(2), ROWS), input_set=BOX,
         )),
         "equivalent_offset": Call(programs.equivalent_offset, given(
-            alpha2=barriers.LinearClassK(), psi=0.1, delta=0.2,
+            alpha2=barriers.LinearClassK(2.0), psi=0.1, delta=0.2,
         )),
         "Grid": Call(maps.Grid, given(resolution=0.1, origin=(0.0, 0.0, 0.0), shape=(6, 8))),
         "Grid.to_cells": Call(GRID.to_cells, given(points=[[0.0, 0.0]])),

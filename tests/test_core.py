@@ -13,7 +13,7 @@ import hcbf_gym
 from benchmarks import gpu
 from hcbf_gym import HcbfError, _core, sources
 from hcbf_gym.arrays import record_type
-from hcbf_gym.barriers import Disc, HalfPlane, LinearClassK, LogClassK
+from hcbf_gym.barriers import BrakeClassK, Disc, HalfPlane, LinearClassK, LogClassK
 from hcbf_gym.locomotion.state import RobotState
 from hcbf_gym.models import Axle, Box
 
@@ -166,6 +166,7 @@ def test_numbers_in_a_row_are_the_fields_of_a_record(name):
     [
         (LogClassK(2.0, 3.0, 4.0), {"kind": 1.0, "scale": 2.0, "rate": 3.0, "offset": 4.0}),
         (LinearClassK(5.0), {"kind": 0.0, "scale": 5.0}),
+        (BrakeClassK(5.0, 0.1), {"kind": 2.0, "scale": 5.0, "offset": 0.1}),
     ],
 )
 def test_a_class_k_function_has_its_numbers_where_the_core_reads_them(alpha, fields):

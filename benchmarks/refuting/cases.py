@@ -8,6 +8,7 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import (
     BarrierSet,
+    BrakeClassK,
     Capsule,
     ConvexPolygon,
     Disc,
@@ -103,7 +104,7 @@ class Case(NamedTuple):
     def rows(self, x: Array, margin: Array, held: bool = True) -> tuple[Array, Array, Array]:
         """Return a (N, 2), b (N,) and ψ (N,) of compiled rows; `margin` is (3, N)."""
         n, settings = len(x), self.how.packed.copy()
-        settings[10] = held  # as `RowSettings.packed` has it
+        settings[14] = held  # as `RowSettings.packed` has it
         kind, numbers = self.barriers.kind.repeat(n, 0), self.barriers.parameters.repeat(n, 0)
         a, out, reserved = np.empty((n, 1, 2)), np.empty((4, n, 1)), margin[:, :, None].copy()
         _core.planar_rows(kind, numbers, reserved, x.copy(), np.zeros(n), settings, a, out)
@@ -165,11 +166,15 @@ def draw(rng: np.random.Generator, kind: str = "") -> Case:
     share = rng.choice([1.0, rng.uniform(0.05, 1.0)])
     log = LogClassK(1.0, rng.uniform(0.1, 2.0), rng.uniform(0.02, 0.5))
     alpha1: Any = log.scaled(share * top / log.derivative(0.0))
-    if rng.random() < 0.4:
+    other = rng.random()
+    if other < 0.4:
         alpha1 = LinearClassK(share * top)
+    elif other > 0.8:
+        alpha1 = BrakeClassK(share * top * 0.1, 0.1)
     alpha2 = LinearClassK(rng.choice([1.0, rng.uniform(0.02, 1.0)]) * top * (1.0 - 1e-12))
     alpha1 = alpha1.scaled(1.0 - 1e-12)
-    how = RowSettings(alpha1, alpha2, period, float(10.0 ** rng.uniform(-0.5, 1.3)))
+    u_max = float(10.0 ** rng.uniform(-0.5, 1.3))
+    how = RowSettings(alpha1, alpha2, period, u_max, alpha_speed=alpha2)
     kind = kind or str(rng.choice(KINDS))
     w = rng.choice([0.0, 0.5]) * rng.normal(0.0, 1.0, 2) * (kind != "wall")
     v, angle = (float(w[0]), float(w[1])), rng.uniform(0.0, 2.0 * np.pi)

@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.refuting.cases import LOOKS, Array, Case, across, log_of
 from hcbf_gym import _core
-from hcbf_gym.barriers import BarrierSet, RowSettings
+from hcbf_gym.barriers import BarrierSet, LinearClassK, RowSettings
 from hcbf_gym.models.plant import Uncertainty
 
 
@@ -35,8 +35,9 @@ def held_bound(case: Case, z: Array) -> Array:
 
 
 def braking(case: Case, z: Array) -> Array:
-    """Check: braking at −5v, and u_max/8 away from what is sharp, meets rows of the paper's α's."""
-    how = RowSettings(period=0.02, u_max=5.0 * 2.0**0.5, limits=((-5.0, -5.0), (5.0, 5.0)))
+    """Check: braking at −5v, and u_max/8 away from what is sharp, meets rows of α₂ from 2 on."""
+    alpha2, box = LinearClassK(2.0), ((-5.0, -5.0), (5.0, 5.0))  # larger ones request no more
+    how = RowSettings(alpha2=alpha2, period=0.02, u_max=5.0 * 2.0**0.5, limits=box)
     case, z = case._replace(how=how), z.copy()
     z[:, 2:6] = 0.0
     s = case.hold(z)

@@ -4,6 +4,7 @@
 
 #include <hcbf/axle_rows.hpp>
 #include <hcbf/general_rows.hpp>
+#include <hcbf/mapped.hpp>
 #include <hcbf/rows.hpp>
 #include <hcbf/shape_terms.hpp>
 #include "structs.hpp"
@@ -35,6 +36,9 @@ void bind_class_k(nb::module_& m) {
       "c"_a, "h"_a, "out"_a, "Write α(h) (m,) of h (m,).");
   m.def("class_k_slope", &class_k::slope<double>, "c"_a,
       "h"_a, "Return dα/dh.");
+  m.def("class_k_gain_at", &class_k::gain_at, "period"_a, "gain"_a, "Return the gain at a period T [s].");
+  m.attr("GAIN") = class_k::GAIN;
+  m.attr("LONGEST_HOLD") = mapped::LONGEST_HOLD;
   m.def("class_k_inverse", &class_k::inverse, "c"_a,
       "y"_a, "Return the h of which α(h) = y.");
 }
@@ -164,7 +168,7 @@ void bind_general_rows(nb::module_& m) {
         const general_rows::Scene scene{kind, parameters, degree};
         const general_rows::Terms terms{f, g, jacobian};
         return general_rows::write_rows(scene, jets, x, t, terms,
-                                        alpha[0], alpha[1], out);
+                                        alpha[0], alpha[1], alpha[2], out);
       },
       "kind"_a, "parameters"_a, "degree"_a, "jets"_a, "x"_a, "t"_a, "f"_a, "g"_a, "jacobian"_a, "alphas"_a,
       "out"_a, Unlocked(),

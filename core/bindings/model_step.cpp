@@ -116,7 +116,7 @@ void bind_step(nb::module_& m) {
         const auto& [low, high, corners] = inputs;
         const auto* classes = reinterpret_cast<const class_k::ClassK*>(alphas.data());
         new (self) ModelStep(model,
-                        {*reinterpret_cast<const Uncertainty*>(uncertainty.data()), classes[0], classes[1],
+                        {*reinterpret_cast<const Uncertainty*>(uncertainty.data()), classes[0], classes[1], classes[2],
                          {numbers_of(low), numbers_of(high), numbers_of(corners)}, numbers_of(largest),
                          {steered.data(), steered.data() + steered.size()}, radius, confidence, period,
                          velocity_at},

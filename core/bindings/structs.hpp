@@ -10,7 +10,7 @@ namespace nanobind::detail {
 template <>
 struct type_caster<hcbf::class_k::ClassK> : numbers_caster<hcbf::class_k::ClassK, 4> {};
 template <>
-struct type_caster<hcbf::RowSettings> : numbers_caster<hcbf::RowSettings, 15> {};
+struct type_caster<hcbf::RowSettings> : numbers_caster<hcbf::RowSettings, 19> {};
 template <>
 struct type_caster<hcbf::Uncertainty> : numbers_caster<hcbf::Uncertainty, 8> {};
 template <>

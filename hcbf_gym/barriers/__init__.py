@@ -2,7 +2,7 @@
 
 from hcbf_gym.barriers import shapes
 from hcbf_gym.barriers.barrier import Barrier, Core, Jet, PlanarBarrier
-from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.barriers.class_k import BrakeClassK, ClassK, LinearClassK, LogClassK
 from hcbf_gym.barriers.function import Function
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.many import Shapes
@@ -16,6 +16,7 @@ from hcbf_gym.barriers.speed_limit import SpeedLimit
 __all__ = [
     "Barrier",
     "BarrierSet",
+    "BrakeClassK",
     "CbfRows",
     "ClassK",
     "Core",

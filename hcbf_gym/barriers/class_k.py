@@ -13,7 +13,7 @@ from hcbf_gym.errors import InvalidInputError, finite_float, shown
 
 @dataclass(frozen=True)
 class ClassK:
-    """A class-K function of positive parameters; there is a linear and a logarithmic one.
+    """A class-K function of positive parameters: `KINDS` lists what there is.
 
     Attributes:
         code: the first of the four numbers by which the core reads it.
@@ -82,7 +82,7 @@ class LinearClassK(ClassK):
         InvalidInputError: if `gain` is not a positive finite number.
     """
 
-    gain: float = 2.0
+    gain: float
     code: ClassVar[float] = 0.0
     scale: ClassVar[str] = "gain"
     rate: ClassVar[str] = "gain"
@@ -118,7 +118,58 @@ class LogClassK(ClassK):
         return self.phi1
 
 
-KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK}
+@dataclass(frozen=True)
+class BrakeClassK(ClassK):
+    """The approach speed from which a deceleration a stops within h, an α₁ close to what U can do.
+
+    ``α(h) = sign(h) (√(2a|h| + c²) − c)``, with the slope ``a / √(2a|h| + c²)``
+
+    It spends the distance that the logarithm leaves for inputs that act later than declared.
+
+    Args:
+        deceleration: a [m/s²], positive; a filter lowers it to nine tenths of what U can do.
+        offset: c [m/s], positive; ``a/c ≤ 1/T`` where an input is held for T.
+
+    Raises:
+        InvalidInputError: if a parameter is not a positive finite number.
+    """
+
+    deceleration: float
+    offset: float
+    code: ClassVar[float] = 2.0
+    rate: ClassVar[str] = "deceleration"
+
+    def scaled(self, factor: float) -> Self:
+        """Return ``factor · α``, of ``factor² a`` and ``factor c``."""
+        return replace(
+            self, deceleration=factor**2 * self.deceleration, offset=factor * self.offset
+        )
+
+    @property
+    def hardest_speed(self) -> float:
+        """250 c, where ``s α'(α⁻¹(s)) = a s/(s + c)`` is within 0.4 % of a, its supremum."""
+        return 250.0 * self.offset
+
+    def parameters(self) -> Array:
+        """Return (4,) the code, a, 0 and c."""
+        return np.array([self.code, self.deceleration, 0.0, self.offset])
+
+
+KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK, "brake": BrakeClassK}
+GAIN: float = _core.GAIN
+"""Of α₂ and of speed limits [1/s], of bodies that move as their model."""
+LAGGING = 2.0
+"""Of bodies that lag behind it, whose `Uncertainty.cap` is not 0: docs/rows.md has the table."""
+
+
+def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
+    """Return α₂, and that of speed limits, unless the user gives them: ``min(gain, 0.5/T) · ψ``.
+
+    Args:
+        period: T [s]; None takes the longest that rows allow for.
+        gain: of the plant [1/s], `GAIN` or `LAGGING`.
+    """
+    return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD, gain))
 
 
 def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:
@@ -131,7 +182,7 @@ def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:
     Raises:
         InvalidInputError: on anything else.
     """
-    if isinstance(alpha, LinearClassK | LogClassK):
+    if isinstance(alpha, LinearClassK | LogClassK | BrakeClassK):
         return alpha
     if isinstance(alpha, dict):
         return records.from_dict("class-K function", alpha, KINDS)

@@ -107,6 +107,9 @@ def _traced_class_k(alpha: ClassK) -> Callable[[Any], Any]:
     kind, *numbers = alpha.parameters().tolist()
     if kind == 0.0:
         return lambda h: numbers[0] * h
+    if kind == 2.0:
+        a, _, c = numbers
+        return lambda h: 2.0 * a * h / (jnp.sqrt(2.0 * a * jnp.abs(h) + c * c) + c)
     phi1, phi2, phi3 = numbers
 
     def logarithm(h: Any) -> Any:

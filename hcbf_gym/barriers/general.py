@@ -63,8 +63,10 @@ class GeneralRows:
         alpha1: α₁, applied to every ψ but the last.
         alpha2: α₂, applied to the last ψ.
         most: the most that U gives of a·u, for a (n_u,); None where U is not known.
+        alpha_speed: α of speed limits; α₂ unless given.
 
     Attributes:
+        alphas: (3, 4) the functions as the core reads them.
         conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter, small
             where L_g ψ nearly vanishes, less than 1 at a kink of a function.
         functions: what was compiled for functions.
@@ -79,6 +81,7 @@ class GeneralRows:
         alpha1: ClassK,
         alpha2: ClassK,
         most: Callable[[Array], float] | None = None,
+        alpha_speed: ClassK | None = None,
     ) -> None:
         instance("model", model, ReducedOrderModel)
         instance("alpha1", alpha1, ClassK)
@@ -87,7 +90,8 @@ class GeneralRows:
             raise InvalidInputError(f"most: got {shown(most)}, expected a function of a (n_u,)")
         self.model, self.alpha1, self.alpha2, self._most = model, alpha1, alpha2, most
         self.functions = FunctionCache(model, alpha1, alpha2)
-        self._alphas = np.stack((alpha1.parameters(), alpha2.parameters()))
+        of_speed = alpha2 if alpha_speed is None else instance("alpha_speed", alpha_speed, ClassK)
+        self.alphas = np.stack([alpha.parameters() for alpha in (alpha1, alpha2, of_speed)])
         self._reaches: dict[tuple[type[Barrier], bytes], Reach] = {}
         self._somewhere = samples(model)[0][0]
         self._latest: Prepared | None = None
@@ -195,7 +199,7 @@ class GeneralRows:
             jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
             jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
         jacobian = self.model.jacobians_of(x) if scenes.turns else _NO_JACOBIAN
-        lags = _core.general_rows(*scenes.built_in, jets, x, t, f, g, jacobian, self._alphas, out)
+        lags = _core.general_rows(*scenes.built_in, jets, x, t, f, g, jacobian, self.alphas, out)
         for group in scenes.groups:
             here = np.ix_(group.scenes, group.places)
             reserved, at = out[here], (x[group.scenes], t[group.scenes])
@@ -203,11 +207,11 @@ class GeneralRows:
             if not math.isfinite(made.sum()):
                 made = self._beside(scenes, group, made, (x, t, reserved), (known, first))
             degrees = scenes.degree[group.scenes[0], group.places]
-            lags |= _core.function_rows(made, degrees, self._alphas[1], reserved)
+            lags |= _core.function_rows(made, degrees, self.alphas[1], reserved)
             out[here] = reserved
         if lags and self._most is not None:  # rows request a stop where ψ_1 is below zero
             for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.degree == 2)):
-                _core.recover_row(self._alphas, self._most(out[i, k, WIDTH:]), out[i, k])
+                _core.recover_row(self.alphas, self._most(out[i, k, WIDTH:]), out[i, k])
 
     def _beside(
         self,

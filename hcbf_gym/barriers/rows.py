@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Pair
-from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.barriers.class_k import ClassK, LogClassK, unless_given
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, instance
 
 B, H, ALPHA2_PSI, PSI = range(4)
@@ -45,43 +45,55 @@ class RowSettings:
 
     Args:
         alpha1: α₁, applied to h at relative degree 2; the paper's logarithm unless given.
-        alpha2: α₂, applied to ψ; linear with gain 2 unless given.
+        alpha2: α₂, applied to ψ; linear with gain ``min(10, 0.5/T)`` [1/s] unless given.
         period: T, how long u is held [s]: rows then preserve h ≥ 0 between two samples, too.
             None makes the usual rows, which look at the sample alone.
         u_max: the largest norm of an input [m/s²]; a held row needs it, and a row that is late
             requests no more.
         limits: ((2,), (2,)) the least and the greatest inputs of U [m/s²]; None where only
             `u_max` limits them.
+        alpha_speed: α of speed limits and zones, applied to h; as α₂ is unless given.
 
     Raises:
         InvalidInputError: if a number is not positive and finite, if `u_max` is missing, or if T
-            is longer than 1/α'(0) of either function (0.2 s by default).
+            is longer than 1/α'(0) of any of the functions (0.2 s by default).
     """
 
     alpha1: ClassK = field(default_factory=LogClassK)
-    alpha2: ClassK = field(default_factory=LinearClassK)
+    alpha2: Any = None
     period: float | None = None
     u_max: float | None = None
     limits: tuple[Pair, Pair] | None = None
+    alpha_speed: Any = None
 
     def __post_init__(self) -> None:
-        instance("alpha1", self.alpha1, ClassK)
-        instance("alpha2", self.alpha2, ClassK)
+        period = self.period
+        if period is not None:
+            finite_float("period", period, minimum=0.0, exclusive=True)
+        for name in ("alpha2", "alpha_speed"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, unless_given(period))
+        for name, alpha in self.alphas.items():
+            instance(name, alpha, ClassK)
         if self.u_max is not None:
             finite_float("u_max", self.u_max, minimum=0.0, exclusive=True)
         if self.limits is not None:
             finite_array("limits", self.limits, (2, 2))
-        if self.period is None:
+        if period is None:
             return
-        period = finite_float("period", self.period, minimum=0.0, exclusive=True)
         if self.u_max is None:
             raise InvalidInputError("u_max: got None, expected a number for rows of a held input")
-        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        steepest = max(alpha.derivative(0.0) for alpha in self.alphas.values())
         if steepest * period > 1.0:
             raise InvalidInputError(
                 f"period: got {period} s with class-K slopes up to {steepest:g} 1/s, expected at "
                 f"most {1.0 / steepest:g} s: sample faster, take flatter functions or usual rows"
             )
+
+    @property
+    def alphas(self) -> dict[str, ClassK]:
+        """The three functions by their names."""
+        return {name: getattr(self, name) for name in ("alpha1", "alpha2", "alpha_speed")}
 
     @property
     def held(self) -> bool:
@@ -90,11 +102,11 @@ class RowSettings:
 
     @cached_property
     def packed(self) -> Array:
-        """(15,) α₁ (4), α₂ (4), T, u_max, 1 for held rows, the least and greatest inputs (2)."""
+        """(19,) `alphas` (4 each), T, u_max, 1 for held rows, least and greatest inputs (2)."""
         low, high, u_max = (0.0, 0.0), (0.0, 0.0), self.u_max or 0.0
         if self.u_max is not None:
             low, high = self.limits or ((-u_max,) * 2, (u_max,) * 2)
-        alphas = *self.alpha1.parameters(), *self.alpha2.parameters()
+        alphas = np.ravel([alpha.parameters() for alpha in self.alphas.values()])
         packed = np.array([*alphas, self.period or 0.0, u_max, self.held, *low, *high])
         packed.flags.writeable = False
         return packed

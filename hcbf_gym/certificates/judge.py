@@ -25,7 +25,7 @@ from hcbf_gym.arrays import Integers
 from hcbf_gym.models.plant import Coverage, CoveredBy
 
 _WORDS = {"unit", "words"}
-DERIVED = {"friction_derived"}
+DERIVED = {"friction_derived", "alpha_gain"}
 """Names of values that follow from others that are declared; ranges end at them."""
 
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 from hcbf_gym import certificates, programs, records
 from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
-from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.certificates import Certificate, Judged, judge, warn_of_version
 from hcbf_gym.errors import CoverageWarning, warn_caller
+from hcbf_gym.filter.settings import alpha2_of, alphas_of
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
@@ -91,10 +91,7 @@ def limits(
             ranges["program"] = certificate.family["program"]
         if certificate.family["kind"] == "own":
             ranges["guidance"] = None
-    alphas = {
-        "alpha1": class_k.make(asked["options"].get("alpha1", LogClassK())),
-        "alpha2": class_k.make(asked["options"].get("alpha2", 2.0)),
-    }
+    alphas = alphas_of(asked["options"], plant)
     plain: dict[str, Any] = {n: records.to_dict(one, class_k.KINDS) for n, one in alphas.items()}
     plain |= {
         "program": programs.plain(asked["program"]),
@@ -102,6 +99,7 @@ def limits(
         "options": {name: one for name, one in asked["options"].items() if name not in alphas},
     }
     matters = {name: {**asked, **plain}[name] for name in ranges}
+    matters["alpha_gain"] = alpha2_of(plant).gain
     both = (
         judge({"plant": other}, tested["plant of the filter"], reason=CoveredBy.PLANT),
         judge(matters, ranges, reason=CoveredBy.FILTER),

@@ -8,8 +8,7 @@ from numpy.typing import DTypeLike
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Records
-from hcbf_gym.barriers import axle_rows, braking, class_k
-from hcbf_gym.barriers.class_k import ClassK, LogClassK
+from hcbf_gym.barriers import axle_rows, braking
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.unknown import Reserve
 from hcbf_gym.errors import (
@@ -25,6 +24,7 @@ from hcbf_gym.filter import plants
 from hcbf_gym.filter.settings import (
     ROW_OPTIONS,
     FilterSettings,
+    alphas_of,
     check_hold,
     dip_of,
     input_limits,
@@ -45,6 +45,7 @@ class Configured:
     Attributes:
         alpha1: α₁ as the rows have it, scaled down to what U can brake.
         alpha2: α₂.
+        alpha_speed: α of speed limits and zones.
         alpha1_scale: by which factor; 1 where U can.
         row_settings: how rows are made, for a held or any other input.
         uncertainty: what they reserve.
@@ -75,13 +76,13 @@ class Configured:
         self.plant, self.input_set, self.settings = plant, input_set, settings
         self.count = count
         self._check_axle()
-        self.alpha1: ClassK = class_k.make(settings.options.get("alpha1", LogClassK()))
-        self.alpha2: ClassK = class_k.make(settings.options.get("alpha2", 2.0))
+        alphas = alphas_of(settings.options, plant)
+        self.alpha1, self.alpha2, self.alpha_speed = alphas.values()
         self.alpha1_scale = self._fit_alpha1()
         held = settings.rows == "held" and self.is_planar and plant.period is not None
         self.row_settings = self._row_settings(held)
         if not held and plant.period is not None:
-            check_hold(plant.period, alpha2=self.alpha2)
+            check_hold(plant.period, alpha2=self.alpha2, alpha_speed=self.alpha_speed)
         dip = 0.0 if held else dip_of(plant, input_set)
         if plant.axle is not None:
             dip += plant.axle.strays(plant.period or 0.0)
@@ -219,7 +220,8 @@ class Configured:
                 "expected 0 inside it, not on its edge"
             )
         period = self.plant.period if self.settings.rows == "held" else None
-        steepest = max(self.alpha1.derivative(0.0), self.alpha2.derivative(0.0))
+        alphas = self.alpha1, self.alpha2, self.alpha_speed
+        steepest = max(alpha.derivative(0.0) for alpha in alphas)
         held = period is not None and steepest * period <= 1.0
         brakes = able if self.plant.braking is None else min(able, self.plant.braking)
         factor = braking.share(self._row_settings(held), brakes)
@@ -235,7 +237,7 @@ class Configured:
         """Return how rows on a differential drive's axle are made."""
         assert self.plant.axle is not None
         period = self.plant.period if held else None
-        return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest)
+        return self._settings(period, self.plant.axle.hardest)
 
     @cached_property
     def is_planar(self) -> bool:
@@ -246,8 +248,11 @@ class Configured:
         """Return how rows are made, for a held input or for one instant."""
         period = self.plant.period if held else None
         if not self.is_planar:
-            return RowSettings(self.alpha1, self.alpha2)
+            return self._settings()
         if self.plant.axle is not None:
-            return RowSettings(self.alpha1, self.alpha2, period, self.plant.axle.hardest_of_point)
+            return self._settings(period, self.plant.axle.hardest_of_point)
         low, high = input_limits(self.input_set)
-        return RowSettings(self.alpha1, self.alpha2, period, self.input_set.radius, (low, high))
+        return self._settings(period, self.input_set.radius, (low, high))
+
+    def _settings(self, *limits: Any) -> RowSettings:
+        return RowSettings(self.alpha1, self.alpha2, *limits, alpha_speed=self.alpha_speed)

@@ -37,7 +37,9 @@ class ModelRows:
     def __init__(self, made: Configured, samples: Samples, bound: Bound):
         self._made, self._samples, self._bound = made, samples, bound
         model = made.plant.model
-        self._rows_of = GeneralRows(model, made.alpha1, made.alpha2, made.input_set.support)
+        self._rows_of = GeneralRows(
+            model, made.alpha1, made.alpha2, made.input_set.support, made.alpha_speed
+        )
         self._rows_of.kinks = self._kinks = Kinks()
         self._check_uncertainty()
         self._prepared: Prepared | None = None
@@ -64,7 +66,7 @@ class ModelRows:
         return _core.ModelStep(
             compiled(model),
             np.array(made.reserve.settings),
-            np.stack((made.alpha1.parameters(), made.alpha2.parameters())),
+            self._rows_of.alphas,
             limits,
             largest(u_set),
             ~driven_alone(model),

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import programs
-from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers import class_k
+from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
 
-ROW_OPTIONS = ("alpha1", "alpha2")
+ROW_OPTIONS = ("alpha1", "alpha2", "alpha_speed")
 """Options that are not the program's."""
 
 USUAL_ROWS_MARGIN = 0.01
@@ -33,6 +34,19 @@ class FilterSettings(NamedTuple):
     on_alarm: str | None
     allow_late_inputs: bool
     options: Mapping[str, Any]
+
+
+def alpha2_of(plant: Plant) -> LinearClassK:
+    """Return α₂, and that of speeds, of a plant unless the user gives them."""
+    gain = class_k.LAGGING if plant.uncertainty.cap > 0.0 else class_k.GAIN
+    return class_k.unless_given(plant.period, gain)
+
+
+def alphas_of(options: Mapping[str, Any], plant: Plant) -> dict[str, ClassK]:
+    """Return α₁, α₂ and that of speeds by their names, those of the options or the plant's."""
+    own = LogClassK(), alpha2_of(plant), alpha2_of(plant)
+    known = zip(ROW_OPTIONS, own, strict=True)
+    return {name: class_k.make(options.get(name, alpha)) for name, alpha in known}
 
 
 def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:

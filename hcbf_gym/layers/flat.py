@@ -9,7 +9,7 @@ from hcbf_gym import _core, programs
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.braking import check_limits
-from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.many import Element
 from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.barriers.set import BarrierSet
@@ -44,8 +44,9 @@ class FlatFilter:
         input_set: U; the box |u_i| ≤ 5 unless given.
         program: one of `programs.names`, or a plan of your own.
         alpha1: α₁; the paper's logarithm unless given.
-        alpha2: α₂; linear with gain 2 unless given.
+        alpha2: α₂; as `RowSettings` has it unless given.
         period: T of rows for a held input [s]; None makes the usual rows.
+        alpha_speed: α of speed limits; as `RowSettings` has it unless given.
         options: of the program, see `programs.options`.
 
     Raises:
@@ -63,6 +64,7 @@ class FlatFilter:
         alpha1: ClassK | None = None,
         alpha2: ClassK | None = None,
         period: float | None = None,
+        alpha_speed: ClassK | None = None,
         **options: Any,
     ) -> None:
         scene = BarrierSet([barriers])
@@ -75,10 +77,11 @@ class FlatFilter:
         made = programs.make_batch(program, input_set=input_set, **options)
         settings = RowSettings(
             LogClassK() if alpha1 is None else alpha1,
-            LinearClassK() if alpha2 is None else alpha2,
+            alpha2,
             period,
             made.input_set.radius,
             input_limits(made.input_set),
+            alpha_speed,
         )
         check_limits(scene, (period, made.input_set.radius))
         self.blocks = scene.parameters[0]

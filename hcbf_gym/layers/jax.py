@@ -20,8 +20,8 @@ def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[...,
 
     Args:
         barriers: m of them, of built-in kinds, in order.
-        settings: `input_set`, `program`, `alpha1`, `alpha2`, `period` and the program's options,
-            see `layers.flat.FlatFilter`.
+        settings: `input_set`, `program`, `alpha1`, `alpha2`, `alpha_speed`, `period` and the
+            program's options, see `layers.flat.FlatFilter`.
 
     Raises:
         InvalidInputError: on other barriers or malformed settings.

@@ -55,9 +55,10 @@ class SafetyFilter(
         certificate: a `certificates.Certificate`, the path of its file, or the name of a shipped
             one: rows reserve its margins, and `covered` follows it. None leaves both to the plant,
             which follows a shipped one where there is one.
-        **options: `alpha1` (default: the paper's logarithm) and `alpha2` (default: gain 2), class-K
-            functions as `barriers.class_k.make` reads them; all else goes to the program, such as
-            `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
+        **options: `alpha1` (default: the paper's logarithm), `alpha2` and, for speed limits and
+            zones, `alpha_speed` (default: a gain of 10/s, at most 0.5/T, and 2/s of bodies that
+            lag), class-K functions as `barriers.class_k.make` reads them; all else goes to the
+            program, such as `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.

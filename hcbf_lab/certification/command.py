@@ -174,7 +174,7 @@ def family_of(args: Args) -> Family:
             f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
             "a contract's path, module:function or file.py:function"
         )
-    caps = _caps(Walker.load(args.plant)) if args.v_max is None else args.v_max
+    caps = caps_of(Walker.load(args.plant)) if args.v_max is None else args.v_max
     family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **requested)
     return _able(args, family)
 
@@ -215,7 +215,7 @@ def _try(family: Family, seed: int) -> None:
             ) from error
 
 
-def _caps(walker: Walker) -> tuple[float, float]:
+def caps_of(walker: Walker) -> tuple[float, float]:
     """Return the least and the greatest cap on the speed of a walker [m/s]."""
     most = walker.command.forward
     response = walker.response or assumed(walker.command)

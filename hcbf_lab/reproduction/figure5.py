@@ -25,6 +25,7 @@ R_WEIGHT = 0.05  # γ₀ of R-CBF-QP, which the paper does not state; its path n
 DELTA_GAMMA = 1.3  # the fixed Δγ of panels (b) and (c), which the paper does not state
 GAMMAS = (1.0, 2.0, 3.0, 4.0, 5.0)
 TOO_LARGE = (20.0, 2.5)
+ALPHAS = {"alpha2": 2.0, "alpha_speed": 2.0}  # as of the A1 by default
 A1_V_MAX = FASTEST
 """The A1's cap on the speed [m/s]: less of it leaves no time to catch up with the reference."""
 A1_MARGIN = 0.025
@@ -45,7 +46,7 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """
     fan = _fan(60 if quick else 200)
     rom = _rom()
-    samples = TuningStudy(Problem(scenario=SCENE), Normal()).run(2000)
+    samples = TuningStudy(Problem(scenario=SCENE, options=ALPHAS), Normal()).run(2000)
     plots.fig5_panels(rom, GAMMAS, fan, samples).savefig(folder / "fig5-rom.png")
     result = {
         "claims": _claims("ROM", rom) | _map_claims("ROM", samples),
@@ -104,14 +105,14 @@ def _draws(count: int) -> Array:
 
 
 def _fan(count: int) -> Trajectories:
-    return simulate(SCENE, "h-cbf-qp", *_draws(count).T)
+    return simulate(SCENE, "h-cbf-qp", *_draws(count).T, options=ALPHAS)
 
 
 def _rom() -> Trajectories:
     settings = _settings()
-    relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]])
+    relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]], options=ALPHAS)
     weights = np.array([(gamma0, delta_gamma) for _, gamma0, delta_gamma in settings[1:]])
-    hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T)
+    hierarchical = simulate(SCENE, "h-cbf-qp", *weights.T, options=ALPHAS)
     return _side_by_side(relaxed, hierarchical)
 
 
@@ -119,7 +120,7 @@ def _distance_with_equal_weights() -> list[float]:
     """Return how far R and H get from each other under the same weights, for each γ₀ [m]."""
     weights = GAMMAS, [DELTA_GAMMA] * len(GAMMAS)
     relaxed, hierarchical = (
-        simulate(SCENE, program, *weights) for program in ("r-cbf-qp", "h-cbf-qp")
+        simulate(SCENE, program, *weights, options=ALPHAS) for program in ("r-cbf-qp", "h-cbf-qp")
     )
     apart = np.linalg.norm(relaxed.position - hierarchical.position, axis=2)
     return apart.max(axis=0).tolist()

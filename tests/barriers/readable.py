@@ -77,12 +77,13 @@ def held_row(barrier, x, t, settings, margin, margin_rate, quickening=0.0):
     period, u_max = settings.period, settings.u_max
     alpha1, alpha2, half = settings.alpha1, settings.alpha2, 0.5 * u_max * period**2
     if isinstance(barrier, SpeedLimit):
+        alpha = settings.alpha_speed
         velocity, v_max = x[2:], barrier.v_max
         h = (v_max**2 - velocity @ velocity) / (2.0 * v_max)
         kept, cost = h - margin, u_max**2 * period / (2.0 * v_max)
-        b = max(-alpha2(kept), cost - kept / period) if kept >= 0.0 else cost - alpha2(kept)
+        b = max(-alpha(kept), cost - kept / period) if kept >= 0.0 else cost - alpha(kept)
         b = min(b, float(velocity @ velocity) / (v_max * period))
-        return -velocity / v_max, b + margin_rate, h, alpha2(kept)
+        return -velocity / v_max, b + margin_rate, h, alpha(kept)
     q, r = x[:2] - barrier.frame_velocity * t, x[2:] - barrier.frame_velocity
     reach = float(np.linalg.norm(r)) * period + half
     h, gradient, hessian = jet(barrier, q)
@@ -109,7 +110,8 @@ def usual_row(barrier, x, t, settings, margin, margin_rate, quickening=0.0):
     if isinstance(barrier, SpeedLimit):
         velocity, v_max = x[2:], barrier.v_max
         h = (v_max**2 - velocity @ velocity) / (2.0 * v_max)
-        return -velocity / v_max, margin_rate - alpha2(h - margin), h, alpha2(h - margin)
+        bound = settings.alpha_speed(h - margin)
+        return -velocity / v_max, margin_rate - bound, h, bound
     r = x[2:] - barrier.frame_velocity
     h, gradient, hessian = jet(barrier, x[:2] - barrier.frame_velocity * t)
     kept, rate = h - margin, float(gradient @ r) - margin_rate

@@ -10,6 +10,7 @@ from hcbf_gym import HcbfError
 from hcbf_gym.barriers import (
     Barrier,
     BarrierSet,
+    BrakeClassK,
     Capsule,
     ConvexPolygon,
     Disc,
@@ -110,9 +111,12 @@ def test_row_is_psi_dot_plus_alpha2_psi_along_the_models_flow(model):
 @given(states, st.floats(0, 5), st.floats(0, 0.1))
 @settings(max_examples=200, deadline=None)
 def test_compiled_rows_equal_the_readable_ones(x, t, margin):
-    readable = GeneralRows(DoubleIntegrator(), ALPHA1, ALPHA2)(BARRIERS, x, t, margin)
+    alphas, of_speed = (ALPHA1, ALPHA2), LinearClassK(3.0)
+    make = GeneralRows(DoubleIntegrator(), *alphas, alpha_speed=of_speed)
+    readable = make(BARRIERS, x, t, margin)
+    settings = RowSettings(*alphas, alpha_speed=of_speed)
     barrier_set = BarrierSet([BARRIERS, BARRIERS])
-    compiled = planar_rows(barrier_set, np.stack([x, x]), np.array([t, t]), RowSettings(), margin)
+    compiled = planar_rows(barrier_set, np.stack([x, x]), np.array([t, t]), settings, margin)
     for field, expected in zip(compiled, readable, strict=True):
         for i in range(2):
             np.testing.assert_allclose(field[i], expected, rtol=1e-9, atol=1e-9)
@@ -175,10 +179,12 @@ def test_bad_barriers_are_refused_with_what_was_expected(make):
 
 @given(st.floats(-50, 50), st.floats(1e-3, 5))
 def test_class_k_increases_has_its_derivative_and_its_inverse(h, step):
-    for alpha in (LogClassK(), LogClassK(0.3, 2.0, 0.7), LinearClassK(3.0)):
+    for alpha in (LogClassK(), LogClassK(0.3, 2.0, 0.7), LinearClassK(3.0), BrakeClassK(4.5, 0.1)):
         assert alpha(0.0) == 0.0
         assert alpha(h + step) > alpha(h)
         assert alpha.inverse(alpha(h)) == pytest.approx(h, rel=1e-9, abs=1e-9)
         slope = (alpha(h + 1e-6) - alpha(h - 1e-6)) / 2e-6
         assert alpha.derivative(h) == pytest.approx(slope, rel=1e-3)
-        assert alpha.derivative(0.0) > 0.0
+        assert 0.0 < alpha.derivative(abs(h) + step) <= alpha.derivative(h) <= alpha.derivative(0.0)
+        assert alpha.scaled(0.7)(h) == pytest.approx(0.7 * alpha(h))
+        assert alpha.stretched(0.7)(h) == pytest.approx(alpha(0.7 * h))

@@ -7,6 +7,7 @@ import pytest
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import (
     BarrierSet,
+    BrakeClassK,
     Disc,
     Ellipse,
     HalfPlane,
@@ -72,6 +73,18 @@ def test_a_weak_u_can_brake_what_the_scaled_function_requests(input_set):
     assert 0.0 < factor < 1.0
     able = (1.0 - braking.RESERVE) * braking.weakest(input_set)
     assert braking.requested(scaled) == pytest.approx(able, rel=1e-6)
+
+
+def test_a_brake_function_is_lowered_to_what_u_can_do_and_requests_no_more():
+    c = braking.share(held(BrakeClassK(9.0, 0.2), 5.0), 5.0)
+    lowered = BrakeClassK(9.0, 0.2).scaled(c)
+    assert lowered.deceleration == pytest.approx(0.9 * 5.0, rel=2e-3)
+    assert braking.share(held(BrakeClassK(4.5, 0.09), 5.0), 5.0) == 1.0
+    settings = held(BrakeClassK(4.5, 0.09), 5.0, 25.0)
+    h = np.geomspace(1e-5, 3.0, 4000)
+    x = np.column_stack([h, 0.0 * h, -settings.alpha1.values(h), 0.0 * h])  # ψ = 0
+    scenes = BarrierSet([[HalfPlane("wall", 1, (1.0, 0.0), 0.0)]] * len(h))
+    assert planar_rows(scenes, x, np.zeros(len(h)), settings).b.max() <= 4.5
 
 
 def test_a_strong_u_leaves_the_function_as_it_is():

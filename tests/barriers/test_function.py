@@ -8,6 +8,7 @@ from needs import remedy
 
 from hcbf_gym import HcbfError
 from hcbf_gym.barriers import (
+    BrakeClassK,
     Disc,
     Function,
     GeneralRows,
@@ -62,11 +63,12 @@ def functions_of(shapes):
     return tuple(Function(b.name, b.priority, AS_FUNCTIONS[b.name]) for b in shapes)
 
 
+@pytest.mark.parametrize("alpha1", [ALPHA1, BrakeClassK(4.0, 0.1)], ids=["log", "brake"])
 @pytest.mark.parametrize("model", MODELS, ids=lambda m: type(m).__name__)
-def test_rows_equal_those_of_the_analytic_jets_one_state_and_many(model):
+def test_rows_equal_those_of_the_analytic_jets_one_state_and_many(model, alpha1):
     shapes = tuple(b for b in SHAPES if b.reads_position or model.velocity_at == 2)
     functions = functions_of(shapes)
-    make = GeneralRows(model, ALPHA1, ALPHA2)
+    make = GeneralRows(model, alpha1, ALPHA2)
     rng = np.random.default_rng(0)
     x, t = rng.uniform(-2, 2, (50, model.n)), rng.uniform(0, 1, 50)
     margin, rate = rng.uniform(0, 0.1, len(shapes)), rng.uniform(-0.1, 0.1, len(shapes))

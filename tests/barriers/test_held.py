@@ -1,5 +1,7 @@
 """Rows for a held input: what they promise between two samples, of every shape."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import readable
@@ -11,6 +13,7 @@ from benchmarks.random_conflicts import Scenes
 from hcbf_gym import _core
 from hcbf_gym.barriers import (
     BarrierSet,
+    BrakeClassK,
     Capsule,
     ConvexPolygon,
     Disc,
@@ -27,7 +30,7 @@ from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.errors import InvalidInputError
 
 U_MAX = 5.0 * np.sqrt(2.0)
-ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4))
+ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4), BrakeClassK(0.5, 0.1))
 SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon", "capsule")
 
 
@@ -101,7 +104,8 @@ def test_an_input_that_meets_the_row_keeps_psi_and_h_until_the_next_sample(
     kind, alpha1, seed, period
 ):
     rng = np.random.default_rng(seed)
-    n, how = 100, RowSettings(alpha1, LinearClassK(2.0), period, U_MAX)
+    n, gain = 100, rng.uniform(0.02, 1.0) / period
+    how = RowSettings(alpha1, LinearClassK(gain), period, U_MAX)
     barriers = BarrierSet([(shape(kind, rng),)] * n)
     x, t = states_near(barriers, rng, n), np.zeros(n)
     start, rows = psi(barriers, x, t, how), planar_rows(barriers, x, t, how)
@@ -112,7 +116,7 @@ def test_an_input_that_meets_the_row_keeps_psi_and_h_until_the_next_sample(
         promised = exists & (start >= 0.0) & (rows.h[:, 0] >= rounding)
         looked_at += promised.sum()
         assert (least[promised] >= -1e-14).all()
-        assert (after[promised] >= (1.0 - 2.0 * period) * start[promised] - 1e-11).all()
+        assert (after[promised] >= (1.0 - gain * period) * start[promised] - 1e-11).all()
     assert looked_at >= 50
 
 
@@ -134,7 +138,7 @@ def test_a_margin_that_grows_is_kept_with_its_rate(kind, seed):
         after = psi(barriers, end, t + 0.02, how, grown, rate)
         promised = exists & (start >= 0.0) & (rows.h[:, 0] - margin >= 0.002)
         looked_at += promised.sum()
-        assert (after[promised] >= (1.0 - 2.0 * 0.02) * start[promised] - 1e-11).all()
+        assert (after[promised] >= (1.0 - 10.0 * 0.02) * start[promised] - 1e-11).all()
         assert (barriers.values(end, t + 0.02)[promised, 0] >= grown - 1e-14).all()
     assert looked_at >= 10
 
@@ -143,7 +147,8 @@ def test_a_margin_that_grows_is_kept_with_its_rate(kind, seed):
 @given(seed=st.integers(0, 10**6), v_max=st.floats(0.3, 3.0), margin=st.sampled_from([0.0, 0.05]))
 def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_max, margin):
     rng = np.random.default_rng(seed)
-    n, how = 200, RowSettings(period=0.02, u_max=U_MAX)
+    alpha = LinearClassK(rng.uniform(0.02, 1.0) / 0.02)
+    n, how = 200, RowSettings(period=0.02, u_max=U_MAX, alpha_speed=alpha)
     barriers = BarrierSet([(SpeedLimit("cap", 1, v_max, margin),)] * n)
     check_limits(barriers, (0.02, U_MAX))
     heading, fill = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(0.0, 1.0, n) ** 0.2
@@ -173,7 +178,8 @@ def test_the_compiled_rows_equal_the_readable_ones(seed, period):
     rng = np.random.default_rng(seed)
     scene = [shape(kind, rng) for kind in SHAPES] + [SpeedLimit("cap", 1, 1.2, 0.1)]
     limits = None if seed % 2 else ((-5.0, -3.0), (4.0, 5.0))
-    how = RowSettings(ALPHAS[seed % 3], LinearClassK(2.0), period, U_MAX, limits)
+    alphas = ALPHAS[seed % len(ALPHAS)], LinearClassK(2.0)
+    how = RowSettings(*alphas, period, U_MAX, limits, LinearClassK(3.0))
     x, t = rng.normal(0.0, 1.0, 4), rng.uniform(0.0, 2.0)
     margin, rate = rng.uniform(0.0, 0.1, len(scene)), rng.uniform(-0.1, 0.1, len(scene))
     quickening = rng.uniform(0.0, 0.3, len(scene))
@@ -194,20 +200,21 @@ def test_the_row_tends_to_the_usual_one_as_the_hold_becomes_short(kind):
     rng = np.random.default_rng(3)
     barriers = BarrierSet([(shape(kind, rng, moving=False), SpeedLimit("cap", 1, 1.2))])
     x, t = np.array([[2.0, 1.7, -0.7, 0.4]]), np.zeros(1)
-    usual = planar_rows(barriers, x, t, RowSettings()).b
-    periods = (1e-2, 1e-3, 1e-4)
+    usual = RowSettings(alpha2=LinearClassK(2.0), alpha_speed=LinearClassK(3.0))
+    expected = planar_rows(barriers, x, t, usual).b
     gaps = [
-        abs(planar_rows(barriers, x, t, RowSettings(period=p, u_max=U_MAX)).b - usual)
-        for p in periods
+        abs(planar_rows(barriers, x, t, replace(usual, period=p, u_max=U_MAX)).b - expected)
+        for p in (1e-2, 1e-3, 1e-4)
     ]
     assert (gaps[1] <= 0.2 * gaps[0] + 1e-9).all()
     assert (gaps[2] <= 0.2 * gaps[1] + 1e-9).all()
 
 
+@pytest.mark.parametrize("gain", [2.0, 10.0, 25.0])
 @pytest.mark.parametrize("kind", SHAPES)
-def test_braking_meets_every_row_of_a_standing_region(kind):
+def test_braking_meets_every_row_of_a_standing_region(kind, gain):
     rng = np.random.default_rng(5)
-    n, how = 2000, RowSettings(period=0.02, u_max=U_MAX)
+    n, how = 2000, RowSettings(alpha2=LinearClassK(gain), period=0.02, u_max=U_MAX)
     barriers = BarrierSet([(shape(kind, rng, moving=False),) for _ in range(n)])
     x, t = states_near(barriers, rng, n), np.zeros(n)
     x[:, 2:] *= np.minimum(1.0, 1.0 / np.linalg.norm(x[:, 2:], axis=1))[:, None]
@@ -224,6 +231,8 @@ def test_braking_meets_every_row_of_a_standing_region(kind):
     [
         lambda: RowSettings(period=0.2001, u_max=1.0),  # 0.2 s is one over the slope of α₁
         lambda: RowSettings(alpha1=LinearClassK(30.0), period=0.05, u_max=1.0),
+        lambda: RowSettings(BrakeClassK(4.5, 0.08), period=0.02, u_max=1.0),
+        lambda: RowSettings(alpha_speed=LinearClassK(51.0), period=0.02, u_max=1.0),
         lambda: RowSettings(period=0.02),
         lambda: RowSettings(period=-0.02, u_max=1.0),
         lambda: check_limits(BarrierSet([[SpeedLimit("cap", 1, 0.1)]]), (0.02, 7.0)),
@@ -235,6 +244,19 @@ def test_settings_under_which_no_row_can_hold_are_refused(make):
         make()
 
 
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_larger_alpha2_requests_no_more_where_psi_is_not_negative(kind):
+    rng = np.random.default_rng(7)
+    n, gains = 2000, np.sort(rng.uniform(0.1, 50.0, 8))
+    barriers = BarrierSet([(shape(kind, rng),)] * n)
+    x, t = states_near(barriers, rng, n), np.zeros(n)
+    hows = [RowSettings(alpha2=LinearClassK(gain), period=0.02, u_max=U_MAX) for gain in gains]
+    safe = psi(barriers, x, t, hows[0]) >= 0.0
+    requested = [planar_rows(barriers, x, t, how).b[safe, 0] for how in hows]
+    assert safe.sum() > 300
+    assert (np.diff(requested, axis=0) <= 0.0).all()
+
+
 def test_psi_is_reported_beside_its_alpha2():
     barriers = BarrierSet([[shape(kind, np.random.default_rng(0)) for kind in SHAPES]])
     x, t = np.array([[2.0, 1.0, 0.3, -0.2]]), np.zeros(1)
@@ -243,7 +265,7 @@ def test_psi_is_reported_beside_its_alpha2():
     _core.planar_rows(
         barriers.kind, barriers.parameters, np.zeros((3, 1, len(SHAPES))), x, t, how.packed, a, out
     )
-    np.testing.assert_allclose(out[rows.ALPHA2_PSI], 2.0 * out[rows.PSI])
+    np.testing.assert_allclose(out[rows.ALPHA2_PSI], how.alpha2.gain * out[rows.PSI])
 
 
 def test_an_episode_is_the_same_in_any_chunk():

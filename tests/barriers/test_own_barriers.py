@@ -15,6 +15,7 @@ from hcbf_gym.barriers import (
     Disc,
     HalfPlane,
     Jet,
+    LinearClassK,
     PlanarBarrier,
     RowSettings,
     SpeedLimit,
@@ -28,7 +29,7 @@ from hcbf_gym.scenarios.references import PointReference
 from hcbf_robots import VelocityFilter
 from tests.worlds import World
 
-USUAL, HELD = RowSettings(), RowSettings(period=0.02, u_max=7.1)
+USUAL, HELD = RowSettings(alpha2=LinearClassK(2.0)), RowSettings(period=0.02, u_max=7.1)
 
 
 @dataclass(frozen=True)

@@ -211,7 +211,8 @@ def test_what_a_plant_declares_adds_to_its_identity():
 OPTIONS = {
     "program": {"program": "h-cbf-qp"}, "rows": {"rows": "usual"}, "margin": {"margin": 0.3},
     "solver": {"solver": "daqp"}, "on_alarm": {"on_alarm": "brake"}, "alpha1": {"alpha1": 1.0},
-    "alpha2": {"alpha2": 2.5}, "guidance": {"guidance": "geodesic"},
+    "alpha2": {"alpha2": 2.5}, "alpha_speed": {"alpha_speed": 2.5},
+    "guidance": {"guidance": "geodesic"},
     "allow_late_inputs": {"allow_late_inputs": True},
     "options": {"program": "h-cbf-qp", "gamma0": 10.0},
 }  # fmt: skip

@@ -77,7 +77,7 @@ def beside(expected, declared, rng):
 
 
 def drawn(ranges, rng):
-    declared = {"friction_derived": 0.45}
+    declared = {"friction_derived": 0.45, "alpha_gain": 10.0}
     return declared | {name: within(one, declared, rng) for name, one in ranges.items()}
 
 
@@ -178,6 +178,7 @@ WAYS = {
     "margin": (lambda: SafetyFilter(cart(), margin=0.2), 0, CoveredBy.FILTER),
     "alpha1": (lambda: SafetyFilter(cart(), alpha1=1.0), 0, CoveredBy.FILTER),
     "alpha2": (lambda: SafetyFilter(cart(), alpha2=2.5), 0, CoveredBy.FILTER),
+    "alpha_speed": (lambda: SafetyFilter(cart(), alpha_speed=2.5), 0, CoveredBy.FILTER),
     "a batch": (batch, 1, CoveredBy.NONE),
     "a batch's rows": (lambda: batch(rows="usual"), 0, CoveredBy.FILTER),
     "another plant": (lambda: SafetyFilter(e := regions(), plant=moved(e)), 0, CoveredBy.PLANT),

@@ -33,7 +33,7 @@ def by_hand(filt, x, report):
 
 @pytest.mark.parametrize("program", programs.names())
 def test_the_report_is_that_of_rows_made_by_hand(program):
-    filt = hcbf_gym.BatchFilter(U, 0.02, program=program)
+    filt = hcbf_gym.BatchFilter(U, 0.02, program=program, alpha2=2.0)
     filt.set_scene(SCENE)
     random = np.random.default_rng(0)
     seen = set()
@@ -49,7 +49,7 @@ def test_the_report_is_that_of_rows_made_by_hand(program):
 
 
 def test_each_plant_of_a_batch_has_its_own():
-    filt = hcbf_gym.BatchFilter(U, 0.02, num_envs=3)
+    filt = hcbf_gym.BatchFilter(U, 0.02, num_envs=3, alpha2=2.0)
     filt.set_scene([SCENE, SCENE[:1], SCENE])
     x = np.tile([0.95, 0.0, 0.0, 0.0], (3, 1))
     x[2, 0] = 3.0
@@ -101,7 +101,8 @@ def test_a_model_that_is_not_compiled():
     plant = Plant(
         SingleIntegrator(), scene, lambda env, observation, info: Estimate(x), period=0.05
     )
-    env = hcbf_gym.wrappers.SafetyFilter(World(SingleIntegrator(), limit=1.0), plant=plant)
+    world = World(SingleIntegrator(), limit=1.0)
+    env = hcbf_gym.wrappers.SafetyFilter(world, plant=plant, alpha2=2.0)
     env.reset()
     env.step(np.zeros(2))
     found = env.conflict()

@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from hcbf_gym.barriers import Capsule, ConvexPolygon, Disc, Ellipse, HalfPlane, SpeedLimit
+from hcbf_gym.barriers import (
+    BrakeClassK,
+    Capsule,
+    ConvexPolygon,
+    Disc,
+    Ellipse,
+    HalfPlane,
+    LinearClassK,
+    SpeedLimit,
+)
 from hcbf_gym.layers.flat import FlatFilter
 from hcbf_gym.models import Ball, Box
 
@@ -10,6 +19,12 @@ SETTINGS = {
     "usual": {"input_set": Box((-4.0, -3.0), (4.0, 3.0))},
     "held": {"input_set": Box((-4.0, -3.0), (4.0, 3.0)), "period": 0.05},
     "held, disc": {"input_set": Ball(4.0), "period": 0.1},
+    "held, brake": {
+        "input_set": Box((-4.0, -3.0), (4.0, 3.0)),
+        "period": 0.05,
+        "alpha1": BrakeClassK(2.0, 0.2),
+        "alpha_speed": LinearClassK(3.0),
+    },
 }
 BARRIERS = [
     HalfPlane("wall", 1, normal=(0.8, 0.6), offset=-1.0),

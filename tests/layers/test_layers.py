@@ -41,8 +41,9 @@ def test_u_is_that_of_rows_and_program_bit_for_bit(name):
     scenes, own = BarrierSet([barriers] * 100), v[:, 6:].reshape(100, 6, 22)
     margin = np.ascontiguousarray(own[:, :, 19:].transpose(2, 0, 1))
     inputs = given["input_set"]
+    alphas = {name: given[name] for name in ("alpha1", "alpha_speed") if name in given}
     settings = RowSettings(
-        period=given.get("period"), u_max=inputs.radius, limits=input_limits(inputs)
+        period=given.get("period"), u_max=inputs.radius, limits=input_limits(inputs), **alphas
     )
     a, out = np.empty((100, 6, 2)), np.empty((4, 100, 6))
     x = np.ascontiguousarray(v[:, 2:6])

@@ -184,7 +184,7 @@ def after_backup(share):
 
 def after_a_conflict(name, core):
     run = Run(name, core)
-    run.steps(30, 0.0 * AHEAD)
+    run.steps(2, 0.0 * AHEAD)  # the world's shapes count from the reset, the filter's from now on
     far = 1.2 + 0.8 * T * run.world.steps
     sides = tuple(
         Disc(f"{to}", 1, run.world.x[:2] + far * np.array(to), 0.6, tuple(-0.8 * np.array(to)))

@@ -129,7 +129,7 @@ inline void make_rows(const Constants& c, const One& p, Work& w) {
     if (p.kind[k] == layout::SPEED_LIMIT) {
       const double kept = w.rows(rows::H, k) - w.margin(margins::MARGIN, k);
       b = rows::speed_row(kept, w.margin(margins::RATE, k), at.x[2], at.x[3], block[layout::V_MAX],
-                          settings.alpha2, settings).b;
+                          settings).b;
     }
     if (p.kind[k] == layout::ZONE) b = zone_row(c.axle, block, w, k, at.x, settings);
     w.straight(k, 0) = n_x, w.straight(k, 1) = n_y, w.straight(k, 2) = b;

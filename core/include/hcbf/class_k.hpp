@@ -1,8 +1,10 @@
-// Extended class-K functions α, and what rows are made by. They are strictly increasing, α(0) = 0, with derivative and inverse. There is a
-// linear one, α(h) = gain h, and the paper's (section IV-A), of slope φ₁φ₂ / (φ₂|h| + φ₃):
+// Extended class-K functions α, and what rows are made by. α is strictly increasing, α(0) = 0, with
+// derivative and inverse. There is a linear one, α(h) = gain h, the paper's (section IV-A), of slope
+// φ₁φ₂ / (φ₂|h| + φ₃), and that of the braking distance, of slope a / √(2a|h| + c²):
 //
-//     α(h) = sign(h) φ₁ (log(φ₂|h| + φ₃) − log φ₃).
+//     α(h) = sign(h) φ₁ (log(φ₂|h| + φ₃) − log φ₃),     α(h) = sign(h) (√(2a|h| + c²) − c).
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -54,20 +56,26 @@ Dual<N> log1p(const Dual<N>& a) {
 
 namespace hcbf::class_k {
 
-constexpr double LINEAR = 0.0, LOG = 1.0;
+constexpr double LINEAR = 0.0, LOG = 1.0, BRAKE = 2.0;
 
 struct ClassK {  // as `ClassK.parameters` in Python packs it
   double kind;
-  double scale;   // the gain of a linear function [1/s], or φ₁ [m/s]
+  double scale;   // the gain of a linear function [1/s], φ₁ [m/s] or a [m/s²]
   double rate;    // φ₂ [1/m]
-  double offset;  // φ₃
+  double offset;  // φ₃, or c [m/s]
 };
+
+constexpr double GAIN = 10.0;  // of α₂ and of speed limits, where nothing else is given [1/s]
+
+// The gain at a period T [s]: half of ψ is left after a hold.
+inline double gain_at(double period, double gain = GAIN) { return std::min(gain, 0.5 / period); }
 
 // α(h).
 template <class Number>
 inline Number value(const ClassK& c, const Number& h) {
   using namespace functions;
   if (c.kind == LINEAR) return c.scale * h;
+  if (c.kind == BRAKE) return 2.0 * c.scale * h / (sqrt(2.0 * c.scale * abs(h) + c.offset * c.offset) + c.offset);
   return copysign(c.scale * log1p(c.rate / c.offset * abs(h)), h);
 }
 
@@ -76,12 +84,14 @@ template <class Number>
 inline Number slope(const ClassK& c, const Number& h) {
   using namespace functions;
   if (c.kind == LINEAR) return c.scale;
+  if (c.kind == BRAKE) return c.scale / sqrt(2.0 * c.scale * abs(h) + c.offset * c.offset);
   return c.scale * c.rate / (c.rate * abs(h) + c.offset);
 }
 
 // α⁻¹(y).
 inline double inverse(const ClassK& c, double y) {
   if (c.kind == LINEAR) return y / c.scale;
+  if (c.kind == BRAKE) return y * (std::abs(y) + 2.0 * c.offset) / (2.0 * c.scale);
   return std::copysign(c.offset / c.rate * std::expm1(std::abs(y) / c.scale), y);
 }
 
@@ -90,15 +100,16 @@ inline double inverse(const ClassK& c, double y) {
 namespace hcbf {
 
 // How barriers become rows a·u ≥ b: α₁, α₂, and for how long an input is held. `RowSettings.packed` in Python
-// has the same (15,) numbers.
+// has the same (19,) numbers.
 struct RowSettings {
   class_k::ClassK alpha1, alpha2;
+  class_k::ClassK alpha_speed;  // of speed limits and zones, on h itself
   double period;           // T [s]
   double u_max;            // the largest norm of an input [m/s²]; 0 where U is not known
   double held;             // 1 for rows of an input that is held for T, else 0
   double low[2], high[2];  // the least and the greatest inputs [m/s²]
 };
-static_assert(sizeof(RowSettings) == 15 * sizeof(double));
+static_assert(sizeof(RowSettings) == 19 * sizeof(double));
 
 // How far a plant may be from its model: `models.plant.Uncertainty`, field by field.
 struct Uncertainty {

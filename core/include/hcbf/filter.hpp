@@ -17,12 +17,12 @@ struct Filter {
   Index samples = 0;
 
   // `corners`: of U around 0, counter-clockwise [m/s²]; `period`: T [s]. α₁ is not scaled to U's braking.
-  Filter(std::vector<Point> corners, double period, ClassK alpha1 = {class_k::LOG, 1.0, 0.5, 0.1},
-         ClassK alpha2 = {class_k::LINEAR, 2.0, 0.0, 0.0}) {
+  Filter(std::vector<Point> corners, double period, ClassK alpha1 = {class_k::LOG, 1.0, 0.5, 0.1}) {
     constants.lower = Lower::RELAXED, constants.by_level = true, constants.lock = Lock::BOUND;
     constants.ranks = constants.observed = true, constants.lambda_u = 1.0, constants.period = period;
     constants.corners = corners.size(), constants.weights = 2;
-    RowSettings& made = constants.rows = {alpha1, alpha2, period, 0.0, 1.0, {INF, INF}, {-INF, -INF}};
+    const ClassK alpha2{class_k::LINEAR, class_k::gain_at(period), 0.0, 0.0};
+    RowSettings& made = constants.rows = {alpha1, alpha2, alpha2, period, 0.0, 1.0, {INF, INF}, {-INF, -INF}};
     for (const Point u : corners) {
       constants.radius = made.u_max = std::max(made.u_max, std::hypot(u.x, u.y));
       made.low[0] = std::min(made.low[0], u.x), made.high[0] = std::max(made.high[0], u.x);

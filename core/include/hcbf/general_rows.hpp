@@ -91,7 +91,7 @@ inline double in_inputs(const double* gradient, Matrix<const double> g, double s
 // [s]; out (N, m, WIDTH + n_u) with m, ṁ and m̈, see `MARGIN`; the rest is written.
 inline bool write_rows(const Scene& scene, Cube<const double> jets, Matrix<const double> x,
                        Vector<const double> t, const Terms& terms, const ClassK& alpha1, const ClassK& alpha2,
-                       Cube<double> out) {
+                       const ClassK& alpha_speed, Cube<double> out) {
   const Index n = x.columns;
   std::vector<double> space(2 * n);
   double *gradient = space.data(), *turned = gradient + n;
@@ -125,7 +125,7 @@ inline bool write_rows(const Scene& scene, Cube<const double> jets, Matrix<const
       double along = 0.0, whole = 0.0;
       for (Index j = 0; j < n; ++j) along += gradient[j] * f[j], whole += gradient[j] * gradient[j];
       row[CONDITIONING] = in_inputs(gradient, g, whole * steer, row + WIDTH);
-      const double alpha2_psi = class_k::value(alpha2, psi);
+      const double alpha2_psi = class_k::value(kind == layout::SPEED_LIMIT ? alpha_speed : alpha2, psi);
       row[B] = -alpha2_psi - along - rate, row[H] = h;
       row[ALPHA2_PSI] = alpha2_psi, row[PSI] = psi;
     }

@@ -42,7 +42,7 @@ struct InputSet {  // U: a box, or a polygon
 
 struct Settings {  // what never changes
   Uncertainty uncertainty;  // without the part of its distance that is in the unit of h
-  ClassK alpha1, alpha2;
+  ClassK alpha1, alpha2, alpha_speed;
   InputSet inputs;
   std::vector<double> largest;  // (n_u,) of each input in U
   std::vector<char> steered;    // (n,) the states that Δu is read from
@@ -131,7 +131,7 @@ class Step {
     if (turns_) model_.jacobians(states.x, jacobian);
     if (!general_rows::write_rows(scene_.rows, {nullptr, count_, 0, 0}, states.x,
                                   {reserve_.time.data(), count_}, {f(f_), g(g_), jacobian}, settings_.alpha1,
-                                  settings_.alpha2, scene_.out))
+                                  settings_.alpha2, settings_.alpha_speed, scene_.out))
       return;
     for (Index i = 0; i < count_; ++i)
       for (Index k = 0; k < m; ++k) {

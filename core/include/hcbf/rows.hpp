@@ -117,8 +117,8 @@ inline Number late(const Number& kept, const Number& rate, const Number& lost, c
 // The row of a speed limit, with ψ = h; h is concave in v, so that u costs ‖u‖².
 template <class Number>
 inline RowOf<Number> speed_row(const Number& kept, const Number& margin_rate, const Number& vx, const Number& vy,
-                        const Number& v_max, const class_k::ClassK& alpha2, const RowSettings& s) {
-  const Number alpha2_psi = class_k::value(alpha2, kept);
+                        const Number& v_max, const RowSettings& s) {
+  const Number alpha2_psi = class_k::value(s.alpha_speed, kept);
   Number b = -alpha2_psi;
   if (s.held != 0.0) {
     const Number cost = s.u_max * s.u_max * s.period / (2.0 * v_max);
@@ -161,7 +161,7 @@ inline Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& re
     const Number v_max = c[layout::V_MAX];
     a[0] = -vx / v_max, a[1] = -vy / v_max;
     const Number h = speed_limit::value(v_max, vx, vy);
-    const RowOf<Number> r = speed_row<Number>(h - reserved.margin, reserved.rate, vx, vy, v_max, s.alpha2, s);
+    const RowOf<Number> r = speed_row<Number>(h - reserved.margin, reserved.rate, vx, vy, v_max, s);
     return {r.b, h, r.alpha2_psi, r.psi};
   }
   const auto [qx, qy] = shapes::in_frame(c, x[0], x[1], t);

@@ -45,7 +45,7 @@ template <class Number>
 RowOf<Number> row(const Number& kept, const Number& margin_rate, const Number& closing, const Number& vx,
                   const Number& vy, const Number& limit, const RowSettings& s, double hardest) {
   using namespace functions;
-  const Number alpha2_psi = class_k::value(s.alpha2, kept), drift = BRAKING * closing / limit;
+  const Number alpha2_psi = class_k::value(s.alpha_speed, kept), drift = BRAKING * closing / limit;
   Number b = -alpha2_psi;
   if (s.held == 0.0) return {b - drift + margin_rate, alpha2_psi, kept};
   const double strays = BRAKING * (hardest - s.u_max);
