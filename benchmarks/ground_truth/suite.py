@@ -161,7 +161,7 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     grid = {
         "grid of p, v": "{grid[0]}² × {grid[1]}²", "its error, the band [m]": "{band:.3f}",
         "states, beyond the band": "{states}, {decided}",
-        "in the kernel by the grid alone": "{search_missed}", "by the search alone": "{search_more}",
+        "in it by the grid alone": "{search_missed}", "by the search alone": "{search_more}",
     }  # fmt: skip
     found = {}
     for truth in TRUTHS:
@@ -170,10 +170,8 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         rows = [{"filter": n, "of": [row for row in of if row["filter"] == n]} for n in names]
         title = f"{truth}, {of[0]['states']} states each of v ≤ 1 / v ≤ 3 m/s; {BOUNDED}"
         found[truth] = table(title, rows, alone)
-    one = figures["ranks"][0]
-    title = (
-        f"two overlapping discs, {one['states']} states, {one['conflicts']} of them in a conflict"
-    )
+    n, conflicts = (figures["ranks"][0][key] for key in ("states", "conflicts"))
+    title = f"two overlapping discs, {n} states, {conflicts} of them in a conflict"
     return found | {
         "tempo": table("free driving", figures["tempo"], tempo),
         "ranks": table(f"{title}; {BOUNDED}", figures["ranks"], ranks),
