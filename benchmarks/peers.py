@@ -8,6 +8,7 @@ before its first computation, so this module is imported before anything uses JA
 import importlib
 import os
 from collections.abc import Callable, Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -94,8 +95,9 @@ def cbfpy_filter(
     return lambda: np.asarray(cbf.safety_filter(x, u_nominal))
 
 
+@cache
 def cbfpy_batch(
-    shapes: Sequence[Any], gain: float
+    shapes: tuple[Any, ...], gain: float
 ) -> tuple[Callable[[Array, Array], Array], Callable[[Array], tuple[Array, Array]]]:
     """Return cbfpy's filter of N states, and (N, 4) → its h and ψ = ḣ + gain·h (N, k)."""
     config = _Shapes(shapes, gain)

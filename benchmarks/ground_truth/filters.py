@@ -1,8 +1,8 @@
-"""The filters that are compared, each by its name: from conditions and N to a `Filter`."""
+"""The filters that are compared, each by its name."""
 
 import importlib
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,11 @@ from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Reason
 
 BRAKE = {"kind": "brake", "deceleration": 0.9 * REACH, "offset": 0.9 * REACH * PERIOD}
-"""α₁ for `BrakeClassK`, of the steepest slope that a held input permits."""
+"""α₁ for `BrakeClassK`, as steep as a held input permits."""
 
 
 def _gains(gain: float) -> dict[str, Any]:
-    """Return α₂ and that of the speed limit."""
+    """Return α₂, and that of speed limits."""
     return {name: gain for name in ROW_OPTIONS if name != "alpha1"}
 
 
@@ -36,93 +36,51 @@ RANKED = OURS | {
     name: {"program": program, **_gains(10.0)}
     for name, program in (("R", "r-cbf-qp"), ("EH", "eh-cbf-qp"), ("no ranks", "cbf-qp"))
 }
-"""Besides, other programs, which are the same as the first where there is one condition."""
+"""And other programs, which answer as the first does where there is one condition."""
 PEERS = {"cbfpy, gains 1": 1.0, "cbfpy, gains 5": 5.0}
 LEAST = "least restrictive"
 
-
-class Filter(Protocol):
-    """A filter of N double integrators."""
-
-    def reset(self, x: Array) -> None:
-        """Begin at states (N, 4)."""
-
-    def __call__(self, x: Array, u: Array) -> Array:
-        """Return the inputs (N, 2) that it applies instead of u (N, 2)."""
-        ...
-
-    def accepts(self, x: Array) -> Mask:
-        """Return (N,) whether it counted the states of the last call as safe."""
-        ...
+Step = Callable[[Array, Array], tuple[Array, Mask]]
+"""Of a filter of N plants: states, inputs → the inputs that it applies, which states it accepts."""
 
 
-class Ours:
-    """A `BatchFilter`."""
-
-    def __init__(self, conditions: Sequence[Barrier], n: int, options: dict[str, Any]):
-        self._filter = BatchFilter(Box.symmetric(REACH), PERIOD, num_envs=n, **options)
-        self._filter.set_scene(conditions)
-        self._verifies = "strict" in options
-
-    def reset(self, x: Array) -> None:
-        self._filter.reset(x=x)
-
-    def __call__(self, x: Array, u: Array) -> Array:
-        applied, self._report = self._filter(u, x)
-        return np.clip(applied, -REACH, REACH)
-
-    def accepts(self, x: Array) -> Mask:
-        report = self._report
-        if self._verifies:
-            return report["reason"] != Reason["UNVERIFIED"]
-        return ((report["h"] >= report["margin"]) & (report["psi"] >= 0.0)).all(axis=1)
-
-
-class Cbfpy:
-    """cbfpy with ElastiQP, both its gains the same."""
-
-    def __init__(self, conditions: Sequence[Barrier], gain: float):
-        peers: Any = importlib.import_module("benchmarks.peers")
-        self._of_many, self._psi = peers.cbfpy_batch(conditions, gain)
-
-    def reset(self, x: Array) -> None:
-        pass
-
-    def __call__(self, x: Array, u: Array) -> Array:
-        return np.clip(self._of_many(x, u), -REACH, REACH)
-
-    def accepts(self, x: Array) -> Mask:
-        h, psi = self._psi(x)
-        return ((h >= 0.0) & (psi >= 0.0)).all(axis=1)
-
-
-class LeastRestrictive:
-    """u where the kernel permits it, else the input that is best by the kernel."""
-
-    def __init__(self, truth: Truth):
-        self._truth = truth
-
-    def reset(self, x: Array) -> None:
-        pass
-
-    def __call__(self, x: Array, u: Array) -> Array:
-        changes, applied = ~self._truth.is_safe(x, u), u.copy()
-        applied[changes] = self._truth.best(x[changes])
-        return applied
-
-    def accepts(self, x: Array) -> Mask:
-        return self._truth.value(x) >= 0.0
-
-
-def by_name(
-    name: str, conditions: Sequence[Barrier], truth: Truth | None = None
-) -> Callable[[int], Filter]:
-    """Return what makes a filter of N plants."""
+def begin(name: str, conditions: Sequence[Barrier], x: Array, truth: Truth | None = None) -> Step:
+    """Return a filter whose N plants begin at states (N, 4)."""
     if name in PEERS:
-        return lambda n: Cbfpy(conditions, PEERS[name])
-    if name == LEAST and truth is not None:
-        return lambda n: LeastRestrictive(truth)
-    return lambda n: Ours(conditions, n, RANKED[name])
+        return _cbfpy(conditions, PEERS[name])
+    if truth is not None and name == LEAST:
+        return lambda x, u: _least_restrictive(truth, x, u)
+    options = RANKED[name]
+    made = BatchFilter(Box.symmetric(REACH), PERIOD, num_envs=len(x), **options)
+    made.set_scene(conditions)
+    made.reset(x=x)
+
+    def step(x: Array, u: Array) -> tuple[Array, Mask]:
+        applied, report = made(u, x)
+        accepts = ((report["h"] >= report["margin"]) & (report["psi"] >= 0.0)).all(axis=1)
+        if "strict" in options:
+            accepts = report["reason"] != Reason["UNVERIFIED"]
+        return np.clip(applied, -REACH, REACH), accepts
+
+    return step
+
+
+def _cbfpy(conditions: Sequence[Barrier], gain: float) -> Step:
+    peers: Any = importlib.import_module("benchmarks.peers")
+    of_many, psi_of = peers.cbfpy_batch(tuple(conditions), gain)
+
+    def step(x: Array, u: Array) -> tuple[Array, Mask]:
+        h, psi = psi_of(x)
+        return np.clip(of_many(x, u), -REACH, REACH), ((h >= 0.0) & (psi >= 0.0)).all(axis=1)
+
+    return step
+
+
+def _least_restrictive(truth: Truth, x: Array, u: Array) -> tuple[Array, Mask]:
+    """Return u where the kernel permits it, else the kernel's best input; it accepts its states."""
+    changes, applied = ~truth.permits(x, u), u.copy()
+    applied[changes] = truth.best(x[changes])
+    return applied, np.ones(len(x), dtype=np.bool_)
 
 
 def exists(options: dict[str, Any]) -> bool:

@@ -51,15 +51,15 @@ def beside_the_search(x: Array, quick: bool) -> dict[str, Any]:
     The grid's error, for 99 % of the states, is the greater of two: of the wall on the same grid
     beside its formula, and of the disc between two grids. Within this band a state is undecided.
     """
-    jnp: Any = importlib.import_module("jax.numpy")
+    jax: Any = importlib.import_module("jax")
     coarse, fine = GRIDS[quick]
 
     def on(shape: tuple[int, int], h: Callable[[Any], Any]) -> Array:
         grid, value = _value(h, shape)
-        return np.array([grid.interpolate(value, state) for state in jnp.asarray(x)])
+        return np.asarray(jax.vmap(grid.interpolate, (None, 0))(value, x))
 
     def outside(p: Any) -> Any:
-        return jnp.linalg.norm(p, axis=-1) - RADIUS
+        return jax.numpy.linalg.norm(p, axis=-1) - RADIUS
 
     searched, found = disc().value(x), on(fine, outside)
     errors = on(fine, lambda p: p[..., 0]) - wall().value(x), found - on(coarse, outside)

@@ -41,7 +41,7 @@ class Truth(NamedTuple):
         away = x[:, :2] if self.name == "disc" else np.tile([1.0, 0.0], (len(x), 1))
         return -to_border(away)
 
-    def is_safe(self, x: Array, u: Array) -> Array:
+    def permits(self, x: Array, u: Array) -> Array:
         """Return (N,) whether the kernel contains a held input's path and its end."""
         after, inside = advance(x, u), least(x, u, self.h) >= 0.0
         # where braking on the straight line is enough, no search is needed
@@ -137,34 +137,29 @@ ASIDE = 0.7
 """Where the disc of rank 2 is, beside that of rank 1 at the origin [m]: they overlap."""
 
 
-class Pair(NamedTuple):
-    """What inputs can reach beside two discs of ranks 1 and 2."""
+def pair_values(x: Array) -> tuple[Array, Array]:
+    """Return at states (N, 4) the greatest least h₁, and that of min(h₁, h₂).
 
-    first: Array  # (N,) greatest least h₁
-    both: Array  # (N,) greatest least min(h₁, h₂)
-
-
-def pair_of(x: Array) -> Pair:
-    """Search one and two constant inputs at states (N, 4)."""
+    One and two constant inputs are searched.
+    """
     first, both = np.full((2, len(x)), -np.inf)
-    then, count = BORDER[::4], 41
     for i in range(0, len(x), _MANY // 8):
         part, here = x[i : i + _MANY // 8], slice(i, i + _MANY // 8)
         end = np.maximum(2.5 * np.hypot(part[:, 2], part[:, 3]) / REACH, 0.2)
-        t = end[:, None] * np.linspace(0.0, 1.0, count)
-        for u in BORDER[::2]:
-            for turn in (np.inf, 0.05, 0.1, 0.2, 0.4):
-                early = np.minimum(t, turn)[:, None, :, None]
-                late = t[:, None, :, None] - early
+        t = (end[:, None] * np.linspace(0.0, 1.0, 41))[:, None, :, None]
+        for turn in (np.inf, 0.05, 0.1, 0.2, 0.4):
+            early = np.minimum(t, turn)
+            late = t - early
+            for u in BORDER[::2]:
+                second = BORDER[: 1 if turn == np.inf else None : 4][None, :, None]
                 v = part[:, None, None, 2:] + early * u
-                p = part[:, None, None, :2] + early * (part[:, None, None, 2:] + 0.5 * early * u)
-                second = then[None, :1] if turn == np.inf else then[None]
-                p = p + late * v + 0.5 * late * late * second[:, :, None]
+                p = part[:, None, None, :2] + 0.5 * early * (part[:, None, None, 2:] + v)
+                p = p + late * (v + 0.5 * late * second)
                 h1 = _outside(p).min(axis=2)
                 h12 = np.minimum(h1, _outside(p, (ASIDE, 0.0)).min(axis=2))
                 first[here] = np.maximum(first[here], h1.max(axis=1))
                 both[here] = np.maximum(both[here], h12.max(axis=1))
-    return Pair(first, both)
+    return first, both
 
 
 def pair() -> tuple[list[Barrier], list[Height]]:
