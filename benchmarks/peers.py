@@ -98,8 +98,8 @@ def cbfpy_filter(
 @cache
 def cbfpy_batch(
     shapes: tuple[Any, ...], gain: float
-) -> tuple[Callable[[Array, Array], Array], Callable[[Array], tuple[Array, Array]]]:
-    """Return cbfpy's filter of N states, and (N, 4) → its h and ψ = ḣ + gain·h (N, k)."""
+) -> tuple[Callable[[Array, Array], Array], Callable[[Array], Array]]:
+    """Return cbfpy's filter of N states, and (N, 4) → its h and ψ = ḣ + gain·h (2, N, k)."""
     config = _Shapes(shapes, gain)
     cbf = cbfpy.CBF.from_config(config)
     many = jax.jit(jax.vmap(cbf.safety_filter))
@@ -110,7 +110,7 @@ def cbfpy_batch(
         h, slope = jax.jvp(config.h_2, (z,), (config.f(z),))
         return h, slope + gain * h
 
-    return lambda x, u: np.asarray(many(x, u)), lambda x: tuple(map(np.asarray, psi(x)))
+    return lambda x, u: np.asarray(many(x, u)), lambda x: np.asarray(psi(x))
 
 
 def qpax_batch(count: int) -> Callable[[], Any]:

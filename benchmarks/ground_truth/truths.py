@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hcbf_gym.arrays import Array
+from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import Barrier, Disc, HalfPlane
 
 PERIOD, REACH, RADIUS = 0.02, 5.0, 0.5
@@ -41,7 +41,7 @@ class Truth(NamedTuple):
         away = x[:, :2] if self.name == "disc" else np.tile([1.0, 0.0], (len(x), 1))
         return -to_border(away)
 
-    def permits(self, x: Array, u: Array) -> Array:
+    def permits(self, x: Array, u: Array) -> Mask:
         """Return (N,) whether the kernel contains a held input's path and its end."""
         after, inside = advance(x, u), least(x, u, self.h) >= 0.0
         # where braking on the straight line is enough, no search is needed
@@ -114,7 +114,7 @@ def _outside(p: Array, center: tuple[float, float] = (0.0, 0.0)) -> Array:
     return np.hypot(p[..., 0] - center[0], p[..., 1] - center[1]) - RADIUS
 
 
-def _search(x: Array) -> tuple[Array, Array]:
+def _search(x: Array) -> tuple[Array, Integers]:
     """Return the value (N,) of constant inputs, and which one of `BORDER` (N,) has it."""
     value, which = np.empty(len(x)), np.empty(len(x), dtype=np.int64)
     for i in range(0, len(x), _MANY):
