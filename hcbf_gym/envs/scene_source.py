@@ -10,7 +10,7 @@ from hcbf_gym import records, scenarios
 from hcbf_gym.errors import InvalidInputError, check_options, choose, shown
 from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
 from hcbf_gym.scenarios.family import NO_HOOKS
-from hcbf_gym.scenarios.scene import X, Y
+from hcbf_gym.scenarios.scene import HALF_PLANE, SHAPE, X, Y
 
 OPTIONS = ("scenario", "start")
 """The keys of ``reset(options=…)``: another scene, and where to start in it, for one episode."""
@@ -86,6 +86,11 @@ class SceneSource:
             return False
         before = scene.velocities.copy()
         self._redraw(rng, scene.velocities)
+        if not np.isfinite(scene.velocities).all():
+            raise InvalidInputError(
+                f"redraw: got {shown(scene.velocities)}, expected finite velocities"
+            )
+        scene.velocities[scene.shapes[:, SHAPE] == HALF_PLANE] = 0.0
         slower = before - scene.velocities
         scene.shapes[:, [X, Y]] += t * slower
         return bool(slower.any())

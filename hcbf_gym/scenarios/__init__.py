@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from hcbf_gym import loading, plugins, records
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import (
     InvalidInputError,
     UnknownNameError,
@@ -17,16 +18,7 @@ from hcbf_gym.errors import (
     text,
 )
 from hcbf_gym.scenarios import clutter, crossing, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import (
-    NO_HOOKS,
-    V_MAX,
-    Draw,
-    DrawMany,
-    Family,
-    Hooks,
-    Moment,
-    Redraw,
-)
+from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
 from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
@@ -77,7 +69,7 @@ def register(
     draw_many: DrawMany | None = None,
     floor: Callable[[], Floor] | None = None,
     hooks: Hooks = NO_HOOKS,
-    redraw: Redraw | None = None,
+    redraw: Callable[[np.random.Generator, Array], None] | None = None,
 ) -> None:
     """Name a family of random scenes, of which environments draw one for each episode.
 
@@ -94,8 +86,8 @@ def register(
             bit; registration compares them on some seeds.
         floor: returns the map on which the shapes are; None for none.
         hooks: observation, reward and costs of the family.
-        redraw: (generator, velocities (m, 2) [m/s]) writes those from the end of a control step
-            on, in environments with ``intentions="hidden"``; None where it has no such.
+        redraw: (generator, velocities (m, 2) [m/s]) writes those after each control step of
+            environments with ``intentions="hidden"``, unannounced; None where it has no such.
 
     Raises:
         InvalidInputError: if the name is taken or no name, a number is out of range, or

@@ -69,7 +69,6 @@ class Hooks(NamedTuple):
 NO_HOOKS = Hooks()
 Draw = Callable[[np.random.Generator, Scene], None]
 DrawMany = Callable[[Sequence[np.random.Generator], Scene], None]
-Redraw = Callable[[np.random.Generator, Array], None]
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ class Family:
     draw_many: DrawMany | None = None
     floor: Callable[[], Floor] | None = None
     hooks: Hooks = NO_HOOKS
-    redraw: Redraw | None = None
+    redraw: Callable[[np.random.Generator, Array], None] | None = None
 
     def drawn(self, generators: Sequence[np.random.Generator]) -> Scene:
         """Return the N scenes that the generators decide.

@@ -129,6 +129,28 @@ def test_intentions_are_refused_where_a_family_has_none():
     assert "intentions" not in gym.make(ID, scenario=SCENE).unwrapped.declared
 
 
+def test_users_families_redraw_too_and_walls_never_move():
+    def everything(generator, velocities):
+        velocities[:] = generator.uniform(-1.0, 1.0, velocities.shape)
+
+    def nothing(generator, velocities):
+        velocities[:] = np.nan
+
+    for name, redraw in (("restless", everything), ("lost", nothing)):
+        scenarios.register(name, crossing.draw, shapes=38, redraw=redraw)
+    env = gym.make(ID, scenario="restless", intentions="hidden").unwrapped
+    env.reset(seed=0)
+    walls = env.scenario.barriers[: hall.WALLS]
+    for _ in range(20):
+        env.step(np.zeros(2, dtype=np.float32))
+    assert env.scenario.barriers[: hall.WALLS] == walls
+    assert len({disc.velocity for disc in env.scenario.barriers[hall.WALLS :]}) == 36
+    lost = gym.make(ID, scenario="lost", intentions="hidden")
+    lost.reset(seed=0)
+    with pytest.raises(InvalidInputError, match="finite velocities"):
+        lost.step(np.zeros(2, dtype=np.float32))
+
+
 def test_pd_arrives_and_evaluate_and_certify_run_on_it(tmp_path):
     case = Case(ID, SCENE, "pd", "lex-cbf-qp", env_options={"intentions": "hidden"})
     assert case.run(0).summary()["reached"]
