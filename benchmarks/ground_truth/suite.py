@@ -28,7 +28,7 @@ DEEPER = -2e-3  # the same where the kernel is searched in two pieces
 
 def run(quick: bool) -> dict[str, Any]:
     """Return the figures of every filter, of the ranks, and of the grid."""
-    n, pairs = (100, 100) if quick else (4000, 1500)
+    n, pairs = (100, 100) if quick else (10_000, 1500)
     ours = [name for name, options in RANKED.items() if filters.exists(options)]
     alone = [*(name for name in ours if name in OURS), *PEERS, LEAST]
     x = truths.disc().sample(n // 4, SPEEDS[1], np.random.default_rng(0))
