@@ -8,6 +8,7 @@ before its first computation, so this module is imported before anything uses JA
 import importlib
 import os
 from collections.abc import Callable, Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -52,15 +53,16 @@ def settings() -> dict[str, Any]:
 
 
 class _Shapes(cbfpy.CBFConfig):
-    """cbfpy's double integrator among shapes, |u_i| ≤ 5, and its usual ``α(h) = h``, twice.
+    """cbfpy's double integrator among shapes, |u_i| ≤ 5, and ``α(h) = gain · h``, twice.
 
     It knows no ranks: every row may be violated at its usual price.
     """
 
-    def __init__(self, shapes: Sequence[Shape]) -> None:
+    def __init__(self, shapes: Sequence[Any], gain: float = 1.0) -> None:
+        self.gain = gain
         discs = [shape for shape in shapes if isinstance(shape, Disc)]
         planes = [shape for shape in shapes if isinstance(shape, HalfPlane)]
-        self.centers = np.array([disc.center for disc in discs])
+        self.centers = np.array([disc.center for disc in discs]).reshape(-1, 2)
         self.radii = np.array([disc.radius for disc in discs])
         self.normals = np.array([plane.normal for plane in planes]).reshape(-1, 2)
         self.offsets = np.array([plane.offset for plane in planes])
@@ -71,6 +73,12 @@ class _Shapes(cbfpy.CBFConfig):
 
     def g(self, z: Any) -> Any:
         return jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+
+    def alpha(self, h: Any) -> Any:
+        return self.gain * h
+
+    def alpha_2(self, h_2: Any) -> Any:
+        return self.gain * h_2
 
     def h_2(self, z: Any) -> Any:
         discs = jnp.linalg.norm(z[:2] - self.centers, axis=1) - self.radii
@@ -85,6 +93,24 @@ def cbfpy_filter(
     """Return a call of cbfpy's compiled `safety_filter`, NumPy in and out."""
     cbf = cbfpy.CBF.from_config(_Shapes(shapes))
     return lambda: np.asarray(cbf.safety_filter(x, u_nominal))
+
+
+@cache
+def cbfpy_batch(
+    shapes: tuple[Any, ...], gain: float
+) -> tuple[Callable[[Array, Array], Array], Callable[[Array], Array]]:
+    """Return cbfpy's filter of N states, and (N, 4) → its h and ψ = ḣ + gain·h (2, N, k)."""
+    config = _Shapes(shapes, gain)
+    cbf = cbfpy.CBF.from_config(config)
+    many = jax.jit(jax.vmap(cbf.safety_filter))
+
+    @jax.jit
+    @jax.vmap
+    def psi(z: Any) -> Any:
+        h, slope = jax.jvp(config.h_2, (z,), (config.f(z),))
+        return h, slope + gain * h
+
+    return lambda x, u: np.asarray(many(x, u)), lambda x: np.asarray(psi(x))
 
 
 def qpax_batch(count: int) -> Callable[[], Any]:

@@ -153,5 +153,15 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="play",
         needs=("viser",),
     ),
+    "ground-truth": Suite(
+        "ground_truth.suite",
+        "filters beside the exact kernel: what they change and miss",
+        20,
+        extra="ground-truth",
+        needs=("cbfpy", "elastiqp", "hj_reachability"),
+    ),
+    "crossing": Suite(
+        "suites.crossing", "regions faster than the robot, known and hidden speeds", 30, ROM
+    ),
     "mutations": Suite("suites.mutations", "malformed inputs: refused clearly, or sensible", 5, A1),
 }

@@ -50,6 +50,8 @@ class PlantModel(NamedTuple):
 def exact(scenes: SceneSource, n: int | None = None) -> PlantModel:
     """Return the model of robots that move as the reduced-order model does, one or N."""
     own, declared = scenes.own, {"environment": "HCBF-Regions-v0"}
+    if scenes.hidden:
+        declared["intentions"] = "hidden"
     family = scenes.family({})
     nearest = certificates.nearest(declared | {"scene": family if n is None else [family] * n})
     return PlantModel(own.input_set, own.v_max, EXACT, declared, nearest, on_alarm="warn")

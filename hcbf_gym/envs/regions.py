@@ -78,15 +78,18 @@ class RegionsEnv(SingleRegions):
     ## Arguments
     * `scenario`: a name from `hcbf_gym.scenarios.names()`, a plain dict, a path to a JSON file, or
       a `Scenario`.
+    * `intentions`: "hidden" lets regions of a family such as `random-crossing` change their
+      velocities within an episode; "known" does not.
     * `render_mode`: None or "rgb_array", a top-down picture.
     """
 
     def __init__(
         self,
         scenario: ScenarioLike = "paper-simulation",
+        intentions: str = "known",
         render_mode: str | None = None,
     ):
-        scenes = SceneSource(scenario)
+        scenes = SceneSource(scenario, intentions)
         self._declare(exact(scenes), scenes, render_mode)
         self._batch = RegionsBatch([self.scenario], scenes.hooks)
         self.action_space = task.action_space(self.scenario.input_set)
@@ -124,7 +127,7 @@ class RegionsEnv(SingleRegions):
         """
         u = task.check_action(action, (2,))
         task.check_started(self._started)
-        step = self._batch.step(u[None])
+        step = self._batch.step(u[None], between=self._go_on)
         self._path.append(self.rom_state[:2])
         ended, info = bool(step.reached[0]), task.first(step.info)
         return step.observation[0], float(step.reward[0]), ended, False, info
@@ -144,6 +147,14 @@ class RegionsEnv(SingleRegions):
     def _set_scene(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self._batch.set_scene(0, scenario)
+
+    def _go_on(self) -> None:
+        """Let hidden intentions change the scene."""
+        scene = self._scenes.scene
+        if self._scenes.redrawn(scene, self.time, self.np_random):
+            assert scene is not None
+            self.scenario = self._scenes.scenario(scene)
+            self._batch.set_drawn(0, scene)
 
     def _restart(self) -> tuple[Array, Info]:
         self._batch.restart(np.ones(1, dtype=np.bool_))

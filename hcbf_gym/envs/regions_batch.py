@@ -1,5 +1,6 @@
 """N reduced-order robots in N scenes, stepped together: the core of both ROM environments."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -134,13 +135,19 @@ class RegionsBatch:
             info["costs"] = task.answer("costs", hooks.costs(moment), len(h), 2)
         return observation, info
 
-    def step(self, action: Array, restarting: Mask | None = None) -> BatchStep:
+    def step(
+        self,
+        action: Array,
+        restarting: Mask | None = None,
+        between: Callable[[], None] = lambda: None,
+    ) -> BatchStep:
         """Advance every environment by one control step under ``u = clip(action, U's bounds)``.
 
         Args:
             action: (N, 2) accelerations [m/s²].
             restarting: (N,) environments that start a new episode in this step instead, at no
                 reward.
+            between: called when the robots have moved and before they look, to change scenes.
         """
         u = np.minimum(np.maximum(action, self.low), self.high)
         scene, hooks = self.barrier_set, self._hooks
@@ -155,6 +162,7 @@ class RegionsBatch:
         self.steps += 1
         if restarting is not None:
             self.restart(restarting)
+        between()
         observation, h, error, sensed = self.look()
         success = (error <= self._goal_radius) & (self.steps >= self._references.last)
         if restarting is not None:

@@ -40,6 +40,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
     Args:
         num_envs: N.
         scenario: as `RegionsEnv` takes it.
+        intentions: as `RegionsEnv` takes them.
         max_episode_steps: after which an episode is truncated; -1 for never.
         autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled".
         render_mode: None, or "rgb_array": a picture of each environment.
@@ -52,6 +53,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self,
         num_envs: int = 1,
         scenario: ScenarioLike = "paper-simulation",
+        intentions: str = "known",
         max_episode_steps: int = task.MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
@@ -62,7 +64,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self.autoreset_mode = vector_infos.mode_of(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.num_envs, self.max_episode_steps = num_envs, max_episode_steps
-        source = SceneSource(scenario)
+        source = SceneSource(scenario, intentions)
         self._declare(exact(source, num_envs), source, render_mode)
         self._family = [self._family] * num_envs
         self._limit = np.inf if max_episode_steps == -1 else max_episode_steps
@@ -159,7 +161,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         restarting = self._done.copy() if self.autoreset_mode is AutoresetMode.NEXT_STEP else None
         if restarting is not None and restarting.any():
             self._draw_scenes(restarting, {})
-        step = self._batch.step(u, restarting)
+        step = self._batch.step(u, restarting, between=self._go_on)
         observation, reward, terminated, info = step
         truncated = self._batch.steps >= self._limit
         self._done = terminated | truncated
@@ -230,6 +232,14 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             for k, i in enumerate(places):
                 self._now[i] = drawn = scenes.one(k)
                 self._batch.set_drawn(i, drawn)
+
+    def _go_on(self) -> None:
+        """Let hidden intentions change the scenes of those whose episodes do not begin."""
+        for i, t in enumerate(self.time.tolist() if self._scenes.hidden else ()):
+            scene = self._now[i]
+            if t > 0.0 and self._scenes.redrawn(scene, t, self._rngs[i]):
+                assert isinstance(scene, Scene)
+                self._batch.set_drawn(i, scene)
 
     def _report(self, info: dict[str, Array]) -> Info:
         return vector_infos.with_masks(info, np.ones(self.num_envs, dtype=np.bool_))

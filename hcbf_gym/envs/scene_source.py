@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import records, scenarios
-from hcbf_gym.errors import InvalidInputError, check_options
+from hcbf_gym.errors import InvalidInputError, check_options, choose, shown
 from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
 from hcbf_gym.scenarios.family import NO_HOOKS
+from hcbf_gym.scenarios.scene import HALF_PLANE, SHAPE, X, Y
 
 OPTIONS = ("scenario", "start")
 """The keys of ``reset(options=…)``: another scene, and where to start in it, for one episode."""
@@ -20,16 +21,30 @@ class SceneSource:
 
     Args:
         source: the environment's argument `scenario`.
+        intentions: "known", or "hidden" where the family redraws velocities within an episode.
 
     Attributes:
         own: the scene that fixes task, inputs, boxes and number of barriers for good.
         drawn: the family of the episodes' scenes; None for always the same scene.
+        scene: the one that `next` drew last; None where options gave it.
+        hidden: whether the family redraws velocities within an episode.
+
+    Raises:
+        InvalidInputError: if intentions are hidden and the family has no `redraw`.
     """
 
-    def __init__(self, source: ScenarioLike):
+    def __init__(self, source: ScenarioLike, intentions: str = "known"):
         self.source = source
         self.drawn = scenarios.family_of(source)
         self.own = scenarios.make(source, np.random.default_rng(0))
+        self.scene: Scene | None = None
+        self.hidden = choose("intentions", intentions, {"known": False, "hidden": True})
+        self._redraw = None if self.drawn is None else self.drawn.redraw
+        if self.hidden and self._redraw is None:
+            raise InvalidInputError(
+                f"intentions: got 'hidden' with the scenario {shown(source)}, expected a family "
+                'that is registered with redraw=…, such as "random-crossing"'
+            )
 
     def check(self, options: Mapping[str, object] | None) -> Mapping[str, Any]:
         """Return the options of a reset, as a mapping.
@@ -54,10 +69,31 @@ class SceneSource:
 
     def next(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Scenario:
         """Return the scene of the next episode, for options from `check`."""
-        scene = self.own
+        scene, self.scene = self.own, None
+        if not options and self.drawn is not None:
+            self.scene = self.drawn.drawn([rng]).one(0)
+            return self.drawn.scenario(self.scene)
         if "scenario" in options or self.drawn is not None:
             scene = scenarios.make(options.get("scenario", self.source), rng)
         return replace(scene, start=options["start"]) if "start" in options else scene
+
+    def redrawn(self, scene: object, t: float, rng: np.random.Generator) -> bool:
+        """Let hidden intentions change a drawn scene at time t [s]; return whether they did.
+
+        Every shape continues from where it is then.
+        """
+        if not (self.hidden and self._redraw and isinstance(scene, Scene)):
+            return False
+        before = scene.velocities.copy()
+        self._redraw(rng, scene.velocities)
+        if not np.isfinite(scene.velocities).all():
+            raise InvalidInputError(
+                f"redraw: got {shown(scene.velocities)}, expected finite velocities"
+            )
+        scene.velocities[scene.shapes[:, SHAPE] == HALF_PLANE] = 0.0
+        slower = before - scene.velocities
+        scene.shapes[:, [X, Y]] += t * slower
+        return bool(slower.any())
 
     def family(self, options: Mapping[str, Any]) -> str | None:
         """Return the family of an episode's scene, for options from `check`; None for no family."""

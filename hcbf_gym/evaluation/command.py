@@ -85,6 +85,8 @@ class Args:
     """Cap on the speed [m/s; default: the scene's]."""
     body: Literal["point", "footprint"] = "point"
     """What must stay outside: the robot's centre, or the whole robot."""
+    intentions: Literal["known", "hidden"] = "known"
+    """Whether regions of random-crossing keep their speeds; of HCBF-Regions-v0."""
     policy: tuple[str, ...] = ("pd",)
     """pd, pd-ff (the reference's acceleration fed forward), a name of hcbf train's, or policies of
     your own: file.py:function, module:function, model.zip, policy.onnx, policy.pt, policy.npz."""
@@ -216,7 +218,7 @@ def _check(args: Args) -> None:
             f"unknown environment: got {args.env!r}, expected one of {list(environments.known())}, "
             "file.py:function or module:function"
         )
-    for name in ("robot", "body"):
+    for name in ("robot", "body", "intentions"):
         takes = [env for env, one in environments.known().items() if name in one.options]
         value = getattr(args, name)
         if value != getattr(Args, name) and args.env not in takes:

@@ -40,4 +40,4 @@ def register(env: str, facts: Known) -> None:
 
 
 register("HCBF-A1Regions-v0", Known("Unitree A1", ("body",)))
-register("HCBF-Regions-v0", Known("reduced-order model"))
+register("HCBF-Regions-v0", Known("reduced-order model", ("intentions",)))

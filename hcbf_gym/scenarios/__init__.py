@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from hcbf_gym import loading, plugins, records
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import (
     InvalidInputError,
     UnknownNameError,
@@ -16,7 +17,7 @@ from hcbf_gym.errors import (
     shown,
     text,
 )
-from hcbf_gym.scenarios import clutter, hall, paper, random_scenes, rooms, traps, trolley
+from hcbf_gym.scenarios import clutter, crossing, hall, paper, random_scenes, rooms, traps, trolley
 from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
 from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
@@ -68,6 +69,7 @@ def register(
     draw_many: DrawMany | None = None,
     floor: Callable[[], Floor] | None = None,
     hooks: Hooks = NO_HOOKS,
+    redraw: Callable[[np.random.Generator, Array], None] | None = None,
 ) -> None:
     """Name a family of random scenes, of which environments draw one for each episode.
 
@@ -84,6 +86,8 @@ def register(
             bit; registration compares them on some seeds.
         floor: returns the map on which the shapes are; None for none.
         hooks: observation, reward and costs of the family.
+        redraw: (generator, velocities (m, 2) [m/s]) writes those after each control step of
+            environments with ``intentions="hidden"``, unannounced; None where it has no such.
 
     Raises:
         InvalidInputError: if the name is taken or no name, a number is out of range, or
@@ -95,7 +99,9 @@ def register(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
     instance(f"family {name!r}: hooks", hooks, Hooks)
-    for what, given in (("draw", draw), ("draw_many", draw_many), ("floor", floor)):
+    for what, given in (
+        ("draw", draw), ("draw_many", draw_many), ("floor", floor), ("redraw", redraw)
+    ):  # fmt: skip
         if not (callable(given) or (given is None and what != "draw")):
             raise InvalidInputError(
                 f"family {name!r}: {what}: got {shown(given)}, expected a function"
@@ -103,7 +109,7 @@ def register(
     count(f"family {name!r}: shapes", shapes, minimum=0 if floor else 1)
     if v_max is not None:
         v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
-    made = Family(name, draw, shapes, v_max, draw_many, floor, hooks)
+    made = Family(name, draw, shapes, v_max, draw_many, floor, hooks, redraw)
     before = _FAMILIES.get(name)
     if name in _NAMED or not (before is None or before.is_from_where(made)):
         raise InvalidInputError(
@@ -227,4 +233,10 @@ register("random-moving", partial(random_scenes.draw, moving=True), shapes=_IN_A
 register("random-wide", partial(random_scenes.draw, gap=random_scenes.WIDE_GAP), shapes=_IN_A_HALL)
 register("random-clutter", clutter.draw, shapes=hall.WALLS + clutter.MOST)
 register("random-traps", traps.draw, shapes=hall.WALLS + len(traps.RANKS))
+register(
+    "random-crossing",
+    crossing.draw,
+    shapes=hall.WALLS + len(crossing.LANES) * crossing.DISCS,
+    redraw=crossing.redraw,
+)
 register("random-map", rooms.draw, shapes=hall.WALLS + len(rooms.RANKS))

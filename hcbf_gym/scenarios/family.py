@@ -82,6 +82,7 @@ class Family:
     draw_many: DrawMany | None = None
     floor: Callable[[], Floor] | None = None
     hooks: Hooks = NO_HOOKS
+    redraw: Callable[[np.random.Generator, Array], None] | None = None
 
     def drawn(self, generators: Sequence[np.random.Generator]) -> Scene:
         """Return the N scenes that the generators decide.

@@ -1,0 +1,1 @@
+"""Filters beside what is known exactly of a held double integrator."""
