@@ -157,9 +157,10 @@ class BrakeClassK(ClassK):
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK, "brake": BrakeClassK}
 GAIN: float = _core.GAIN
-"""Of α₂ and of speed limits [1/s], of bodies that move as their model."""
-LAGGING = 2.0
-"""Of bodies that lag behind it, whose `Uncertainty.cap` is not 0: docs/rows.md has the table."""
+"""Of α₂ and of speed limits [1/s], where the planar double integrator is the robot's motion."""
+CAUTIOUS = 2.0
+"""Of other models, whose rows look at the sample alone, and of bodies that lag behind their model,
+whose `Uncertainty.cap` is not 0: docs/rows.md has the table."""
 
 
 def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
@@ -167,7 +168,7 @@ def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
 
     Args:
         period: T [s]; None takes the longest that rows allow for.
-        gain: of the plant [1/s], `GAIN` or `LAGGING`.
+        gain: of the plant [1/s], `GAIN` or `CAUTIOUS`.
     """
     return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD, gain))
 

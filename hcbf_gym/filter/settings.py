@@ -12,6 +12,7 @@ from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 ROW_OPTIONS = ("alpha1", "alpha2", "alpha_speed")
 """Options that are not the program's."""
@@ -37,8 +38,12 @@ class FilterSettings(NamedTuple):
 
 
 def alpha2_of(plant: Plant) -> LinearClassK:
-    """Return α₂, and that of speeds, of a plant unless the user gives them."""
-    gain = class_k.LAGGING if plant.uncertainty.cap > 0.0 else class_k.GAIN
+    """Return α₂, and that of speeds, of a plant unless the user gives them.
+
+    The greater gain is for rows that hold for the whole period, those of the planar model.
+    """
+    exact = plant.model == DoubleIntegrator() and plant.uncertainty.cap == 0.0
+    gain = class_k.GAIN if exact else class_k.CAUTIOUS
     return class_k.unless_given(plant.period, gain)
 
 

@@ -56,9 +56,9 @@ class SafetyFilter(
             one: rows reserve its margins, and `covered` follows it. None leaves both to the plant,
             which follows a shipped one where there is one.
         **options: `alpha1` (default: the paper's logarithm), `alpha2` and, for speed limits and
-            zones, `alpha_speed` (default: a gain of 10/s, at most 0.5/T, and 2/s of bodies that
-            lag), class-K functions as `barriers.class_k.make` reads them; all else goes to the
-            program, such as `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
+            zones, `alpha_speed` (default: a gain of 10/s, at most 0.5/T, and 2/s of other models
+            and of bodies that lag), class-K functions as `barriers.class_k.make` reads them; all
+            else goes to the program, such as `gamma0`, `delta_gamma`, `lambda_u`, `epsilon`.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.

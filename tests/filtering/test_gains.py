@@ -8,23 +8,25 @@ from hcbf_gym.barriers import BrakeClassK, HalfPlane, SpeedLimit
 from hcbf_gym.filter.settings import alphas_of
 from hcbf_gym.models import DoubleIntegrator, Plant, Uncertainty
 from hcbf_gym.models.input_sets import Box
+from tests.worlds import boat
 
 U, T = Box.symmetric(5.0), 0.02
 
 
 @pytest.mark.parametrize(
-    ("period", "uncertainty", "gain"),
+    ("model", "period", "uncertainty", "gain"),
     [
-        (0.02, Uncertainty(distance=0.1), 10.0),
-        (0.1, Uncertainty(), 5.0),
-        (None, Uncertainty(), 2.5),  # T = 0.2 s, the longest
-        (0.02, Uncertainty(per_velocity=0.7, cap=0.25), 2.0),
+        (DoubleIntegrator(), 0.02, Uncertainty(distance=0.1), 10.0),
+        (DoubleIntegrator(), 0.1, Uncertainty(), 5.0),
+        (DoubleIntegrator(), None, Uncertainty(), 2.5),  # T = 0.2 s, the longest
+        (DoubleIntegrator(), 0.02, Uncertainty(per_velocity=0.7, cap=0.25), 2.0),
+        (boat(), 0.02, Uncertainty(), 2.0),  # its rows look at the sample alone
     ],
 )
-def test_half_of_psi_is_left_after_a_hold_and_bodies_that_lag_keep_less(period, uncertainty, gain):
-    plant = Plant(
-        DoubleIntegrator(), (), lambda *_: np.zeros(4), period=period, uncertainty=uncertainty
-    )
+def test_half_of_psi_is_left_after_a_hold_and_the_cautious_gain_elsewhere(
+    model, period, uncertainty, gain
+):
+    plant = Plant(model, (), lambda *_: np.zeros(4), period=period, uncertainty=uncertainty)
     alphas = alphas_of({}, plant)
     assert (alphas["alpha2"].gain, alphas["alpha_speed"].gain) == (gain, gain)
     assert alphas_of({"alpha2": 3.0}, plant)["alpha2"].gain == 3.0
