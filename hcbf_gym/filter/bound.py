@@ -8,8 +8,9 @@ from hcbf_gym.filter.configured import Configured
 from hcbf_gym.filter.report import ReportBuffer
 from hcbf_gym.filter.samples import Samples
 
-SceneArrays = tuple[Integers, Array, Integers, Array, Array | None]
-"""Kind, parameters, priority, own margin and atlas of N scenes; without a map there is no atlas."""
+SceneArrays = tuple[Integers, Array, Integers, Array, Array | None, Array]
+"""Kind, parameters, priority, own margin, atlas and ends of paths of N scenes; without a map there
+is no atlas."""
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
 """What a step returns: nothing is to be done, u* is not finite, the scene is not of these plants,
@@ -34,7 +35,7 @@ class Bound:
         """Bind everything at the next step."""
         self._core: _core.Filter | None = None
         self._words: object = None
-        self._scene: tuple[Integers | Array | None, ...] = (None,) * 6
+        self._scene: tuple[Integers | Array | None, ...] = (None,) * 7
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs, which binds its own arrays."""
@@ -52,6 +53,8 @@ class Bound:
             core = _core.Filter(made.words, made.program, self._samples.words, self._threads)
             if self._samples.is_apart:
                 core.set_states(*self._samples.states)
+            if made.gate is not None:
+                core.set_laws(made.gate.input)
             self._core = core
         if self.report.words is not self._words:
             self._words = self.report.words
@@ -66,10 +69,10 @@ class Bound:
             own: rows that were made beforehand.
         """
         core = self.core()
-        kind, parameters, priority, own_margin, atlas = scene
-        a, b, c, d, e, f = self._scene
+        kind, parameters, priority, own_margin, atlas, ends = scene
+        a, b, c, d, e, f, g = self._scene
         same = kind is a and parameters is b and priority is c and own_margin is d
-        if not (same and atlas is e and own is f):
+        if not (same and atlas is e and ends is f and own is g):
             core.set_scene(*scene, own)
             self._scene = *scene, own
         if self._made.solver is None:
@@ -80,4 +83,4 @@ class Bound:
 def arrays_of(scene: BarrierSet) -> SceneArrays:
     """Return the scenes as compiled code reads them."""
     numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
-    return (*numbers, scene.atlas.numbers)
+    return (*numbers, scene.atlas.numbers, scene.ends)

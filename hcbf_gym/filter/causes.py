@@ -53,6 +53,8 @@ class ReasonWarnings:
         until = "until the next reset" if Reason(reason).lasts else "until that ends"
         brakes = reason < FIRST_ALARM or self._brakes
         does = "brakes" if brakes else "continues without a promise"
+        if reason == Reason.UNVERIFIED:
+            does = "satisfies the rows of all strict conditions"
         many = "" if count == 1 else f" of {count} plants"
         text = f"{Reason(reason).text}{f' ({why})' if why else ''}"
         warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)

@@ -34,6 +34,7 @@ class FilterSettings(NamedTuple):
         on_alarm: "warn" or "brake"; None takes the plant's.
         allow_late_inputs: whether a row may miss an input that helps later.
         options: α₁, α₂ and the program's own.
+        strict: "rows", "gatekeeper", or a plain dict with more of it.
     """
 
     program: programs.Named
@@ -44,6 +45,7 @@ class FilterSettings(NamedTuple):
     on_alarm: str | None
     allow_late_inputs: bool
     options: Mapping[str, Any]
+    strict: str | Mapping[str, object] = "rows"
 
 
 def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -42,6 +42,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         allow_late_inputs: whether a warning replaces the refusal.
         certificate: of the plant.
         threads: how many cores filter at once; the answer is the same.
+        strict: "rows", "gatekeeper" or a dict.
         **options: α₁, α₂ and the program's.
 
     Raises:
@@ -62,10 +63,12 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         allow_late_inputs: bool = False,
         certificate: str | Path | Certificate | None = None,
         threads: int = 1,
+        strict: str | Mapping[str, object] = "rows",
         **options: Any,
     ):
         settings = FilterSettings(
-            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options
+            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options,
+            strict,
         )
         record_filter(self, env, VectorEnv, plant, settings, certificate, threads=threads)
         VectorWrapper.__init__(self, env)

@@ -39,4 +39,32 @@ struct Memory {
 
 }  // namespace conclusion
 
+namespace gatekeeper {
+
+// A manoeuvre: towards a velocity for so many samples, then to rest; or a law of the user's.
+struct Law {
+  double target[2];  // [m/s]
+  Index samples;     // for how many more
+  Index own;         // 1 + which one of the user's; 0 for none
+  Index begun;       // for how many samples that has been followed
+};
+
+// What is reserved along manoeuvres of one sample; docs/gatekeeper.md derives it.
+struct Reserve {
+  double keep;   // m_keep of regions [m]
+  double ahead;  // m_accept − m_keep at the next sample [m]
+  double drift;  // by how much that grows, and what a speed limit reserves more [m/s]
+  double speed;  // m_keep of speed limits [m/s]
+};
+
+// The manoeuvre that was verified last; `rank` is 0 where there was none since the reset.
+struct Memory {
+  Law law;
+  Reserve reserve;
+  Index rank;   // through which rank it is verified
+  double lost;  // for how long no state has been valid [s]
+};
+
+}  // namespace gatekeeper
+
 }  // namespace hcbf

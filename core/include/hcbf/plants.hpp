@@ -40,6 +40,13 @@ struct Constants {
   Index through;  // the highest rank that is relaxed for guidance, 0 for none
   bool brakes;    // whether an alarm makes the filter brake
   bool observed;  // whether states were measured, and are compared here
+  // a gatekeeper
+  bool gates;
+  Index directions;       // into how many its manoeuvres accelerate
+  Index laws;             // how many manoeuvres are the user's
+  double position_error;  // of a state, besides its covariance [m]
+  double velocity_error;  // [m/s]
+  double longest;         // for how long the last manoeuvre goes on without a valid state [s]
 };
 
 // Vectors of length 4 are those of the planar double integrator; those of other models stand beside
@@ -75,6 +82,7 @@ struct Plant {
   Index follows;       // whether the last sample was valid
   Index known;         // whether any was, since the reset
   conclusion::Memory judged;
+  gatekeeper::Memory verified;
   Index alarm;  // a `Reason`, until the next reset
   Index moves;  // whether a region is nearer than its velocity explains
 };
@@ -91,6 +99,7 @@ struct One {
   report::Plant& report;            // written to
   Vector<double> u_nominal, u_safe;  // (n_u,) behind it
   Vector<report::Row> rows;         // (M,) written to; M is m, and one more where guidance has a row
+  Vector<const double> ends{nullptr, 0};  // (m,) when a region's path ends [s]; empty where none does
 
   Index count() const { return kind.size; }
 };
@@ -106,13 +115,15 @@ struct Plants {
   Records<report::Plant> reports;
   Matrix<report::Row> rows;
   Index n_u;
+  Matrix<const double> ends{nullptr, 0, 0};  // see `One`
 
   One operator[](Index i) const {
     double *behind = sensed.tail(i), *reported = reports.tail(i);
     return {kind[i], parameters[i], priority[i], own_margin[i],
             own.layers > 0 ? own[i] : Matrix<const double>{nullptr, 0, 0},
             sensed[i], {behind, n_u}, {behind + n_u, n_u},
-            reports[i], {reported, n_u}, {reported + n_u, n_u}, rows[i]};
+            reports[i], {reported, n_u}, {reported + n_u, n_u}, rows[i],
+            ends.rows > 0 ? ends[i] : Vector<const double>{nullptr, 0}};
   }
 };
 
@@ -127,6 +138,7 @@ inline bool fits(const Plants& p, bool guided) {
     return false;
   if (p.priority.rows != count || p.priority.columns != m) return false;
   if (p.own_margin.rows != count || p.own_margin.columns != m) return false;
+  if (p.ends.rows > 0 && (p.ends.rows != count || p.ends.columns != m)) return false;
   for (Index i = 0; i < count; ++i)
     for (Index k = 0; k < m; ++k) {
       const Index rank = p.priority(i, k);

@@ -5,7 +5,7 @@
 namespace hcbf::reason {
 
 enum Reason : Index {
-  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES
+  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES, UNVERIFIED
 };
 
 constexpr Index FIRST_ALARM = INPUT;  // below, the filter brakes for as long as the reason lasts

@@ -16,6 +16,7 @@ struct Plant {  // (n_u,) u_nominal and u_safe stand behind it
   Index covered;        // a `models.plant.Coverage`
   Index covered_by;     // why it is not 1, a `models.plant.CoveredBy`
   Index proved;         // 1 where h >= m and psi >= 0 of every strict condition on the position
+  Index verified;       // through which rank a gatekeeper's manoeuvre satisfies the conditions; 0 for none
 };
 
 struct Row {

@@ -7,6 +7,7 @@
 #include <hcbf/axle_step.hpp>
 #include <hcbf/cascade.hpp>
 #include <hcbf/conclusion.hpp>
+#include <hcbf/gatekeeper.hpp>
 #include <hcbf/map_rows.hpp>
 #include <hcbf/mapped.hpp>
 #include <hcbf/plants.hpp>
@@ -34,6 +35,7 @@ struct Room {
   mapped::Nearby nearby;         // the conditions of a plant on a map
   std::vector<double> own;       // their rows that were made beforehand
   std::vector<report::Row> rows;  // their report
+  manoeuvres::Own laws{};         // the user's manoeuvres
 };
 
 // Returns a plant with the nearby pieces of its map, as they were found last.
@@ -73,6 +75,7 @@ inline bool is_posed(const Constants& c, const Settings& program, const One& p, 
   posing::look(c, p);
   if (p.report.reason == 0) return true;
   posing::brake(c, program, p, room.work);
+  if (c.gates) gatekeeper::go_on(c, program, p, room.laws, room.work);
   conclusion::conclude_brake(c, p, room.work);
   return false;
 }
@@ -82,7 +85,9 @@ inline bool is_posed(const Constants& c, const Settings& program, const One& p, 
 inline bool filter(const Constants& c, const Settings& program, const One& p, Vector<const double> atlas,
                    Room& room) {
   if (!is_posed(c, program, p, room)) return true;
-  if (atlas.size == 0) {
+  if (c.gates) {
+    gatekeeper::filter(c, program, p, room.laws, room.work);
+  } else if (atlas.size == 0) {
     filter_nearby(c, program, p, room.work);
   } else {
     find_pieces(c, p, atlas, room);

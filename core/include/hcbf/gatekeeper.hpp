@@ -1,0 +1,326 @@
+// The gatekeeper: an input is accepted if a verified manoeuvre follows it; docs/gatekeeper.md proves why.
+//
+// The program with the rows of ranks 2 and lower proposes an input. For r from the lowest rank to 1,
+// manoeuvres that satisfy ranks 1 to r are looked for: one that follows the proposal; or one that follows
+// the state at once, and then the input nearest to the proposal by bisection, each of them verified. Where
+// none satisfies rank 1, the rows of all strict conditions decide.
+#pragma once
+#include <algorithm>
+#include <cmath>
+
+#include <hcbf/cascade.hpp>
+#include <hcbf/clearance.hpp>
+#include <hcbf/conclusion.hpp>
+#include <hcbf/manoeuvres.hpp>
+#include <hcbf/margins.hpp>
+#include <hcbf/plants.hpp>
+#include <hcbf/posing.hpp>
+#include <hcbf/reason.hpp>
+#include <hcbf/rotation.hpp>
+#include <hcbf/work.hpp>
+
+namespace hcbf::gatekeeper {
+
+using manoeuvres::State, plants::Constants, plants::One, polygon::Point, program_records::Settings, work::Work;
+
+constexpr double DURATIONS[] = {0.1, 0.25, 0.5, 1.0};  // of an acceleration [s]
+constexpr double HAIR = 1e-6;    // what is reserved for rounding [m], [m/s]
+constexpr double BELOW = 1e-9;   // the share by which manoeuvres stay below a speed limit
+constexpr int HALVINGS = 5;      // of the way to the proposal
+
+// What manoeuvres of one sample are verified against.
+struct Gate {
+  const One& p;
+  manoeuvres::Plant plant;
+  Reserve reserve;
+  double time;    // of the sample [s]
+  double brakes;  // the deceleration that U has in every direction [m/s²]
+  Index directions, laws;  // k, and how many laws are the user's
+  Index rank;     // through which rank conditions are satisfied
+};
+
+// What is reserved at a sample, for the errors of the state at it and at the next one.
+inline Reserve reserve_of(const Constants& c, const plants::Plant& plant) {
+  const Uncertainty& s = c.uncertainty;
+  const Matrix<const double> covariance{plant.covariance[0], 4, 4};
+  const double slip = std::hypot(plant.lag[2], plant.lag[3]), lead = std::hypot(plant.lag[0], plant.lag[1]);
+  const double tracking = std::min(s.cap, s.per_velocity * slip + s.per_lead * lead);
+  const double most = margins::most(s, {plant.x, plant.time, plant.model, plant.lag, covariance, plant.growth});
+  const double spread = s.confidence * std::sqrt(margins::largest(covariance, 0));
+  const auto fast = [&](double growth) {
+    const double known = plant.has_model != 0 ? 0.0 : c.velocity_error;
+    return known + s.confidence * std::sqrt(margins::largest(covariance, 2) + growth);
+  };
+  const double now = c.period * fast(plant.growth), next = c.period * fast(2.0 * plant.growth);
+  return {most - s.cap + tracking + now,
+          s.cap - tracking + 2.0 * (c.position_error + spread + now) + next + c.period * slip + HAIR,
+          2.0 * fast(plant.growth) + HAIR, margins::of_speed(s, plant.lag, covariance)};
+}
+
+inline bool is_speed_limit(const One& p, Index k) { return p.kind[k] == layout::SPEED_LIMIT; }
+
+// Whether a gate verifies condition k.
+inline bool is_due(const Gate& g, Index k) {
+  const bool known = shape_terms::is_region(g.p.kind[k]) || is_speed_limit(g.p, k);
+  return known && 1 <= g.p.priority[k] && g.p.priority[k] <= g.rank;
+}
+
+// The speed that a limit leaves after its margin, and of which `spare` is kept [m/s]; negative for none.
+inline double allowed(const Gate& g, Index k, double spare) {
+  const double limit = g.p.parameters(k, layout::V_MAX), margin = g.reserve.speed + g.p.own_margin[k];
+  return std::sqrt(std::max(0.0, limit * (limit - 2.0 * margin))) - spare;
+}
+
+// The path from x (4,) at a time in the frame of region k, which rests from its end on.
+inline clearance::Path seen(const One& p, Index k, const double* x, const Point& u, double at, double span) {
+  const double *c = p.parameters[k].data, end = p.ends.size > 0 ? p.ends[k] : INFINITY;
+  const double since = std::min(at, end), moves = at < end ? 1.0 : 0.0;
+  const double wx = c[layout::VELOCITY_X], wy = c[layout::VELOCITY_Y];
+  return {x[0] - wx * since, x[1] - wy * since, x[2] - moves * wx, x[3] - moves * wy, u.x, u.y, span, 0.0, 0.0};
+}
+
+// Whether region k is cleared along a path from x on by `margin`, which grows.
+inline bool clears(const Gate& g, Index k, const double* x, const Point& u, double at, double span,
+                   double margin, double grows) {
+  const double* c = g.p.parameters[k].data;
+  clearance::Path path = seen(g.p, k, x, u, at, span);
+  path.margin = margin + g.p.own_margin[k], path.grows = grows;
+  const double left = g.p.ends.size > 0 ? g.p.ends[k] - at : INFINITY;
+  if (left <= 0.0 || left >= span) return clearance::holds(g.p.kind[k], c, path);
+  clearance::Path after = clearance::part(path, left, span - left);
+  after.rx += c[layout::VELOCITY_X], after.ry += c[layout::VELOCITY_Y];
+  path.span = left;
+  return clearance::holds(g.p.kind[k], c, path) && clearance::holds(g.p.kind[k], c, after);
+}
+
+// What is reserved of regions at a state [m]. `accepts`: whether the next sample's errors are.
+inline double margin_at(const Gate& g, const State& state, bool accepts) {
+  if (!accepts) return g.reserve.keep;
+  return g.reserve.keep + g.reserve.ahead + g.reserve.drift * (state.since - g.plant.period);
+}
+
+// Whether the conditions hold while an input is held from a state on.
+inline bool hold(const Gate& g, const State& state, const Point& u, double span, bool accepts) {
+  const double *x = state.x, spare = accepts ? g.reserve.drift : 0.0;
+  const double vx = x[2] + u.x * span, vy = x[3] + u.y * span, margin = margin_at(g, state, accepts);
+  for (Index k = 0; k < g.p.count(); ++k) {
+    if (!is_due(g, k)) continue;
+    if (is_speed_limit(g.p, k)) {
+      const double most = allowed(g, k, spare);
+      if (!(most >= 0.0 && vx * vx + vy * vy <= most * most)) return false;
+    } else if (!clears(g, k, x, u, g.time + state.since, span, margin, spare)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Whether no region sweeps the place of a state at rest.
+inline bool is_free(const Gate& g, const State& state, bool accepts) {
+  State last = state;  // with an error of its velocity a robot is at rest so much later
+  if (accepts) last.since += g.plant.period * std::ceil(g.reserve.drift / (g.brakes * g.plant.period));
+  const double margin = margin_at(g, last, accepts), x[4] = {state.x[0], state.x[1], 0.0, 0.0};
+  for (Index k = 0; k < g.p.count(); ++k) {
+    if (!is_due(g, k) || is_speed_limit(g.p, k)) continue;
+    const double at = g.time + state.since;
+    clearance::Path path = seen(g.p, k, x, {0.0, 0.0}, at, 0.0);
+    path.margin = margin + g.p.own_margin[k];
+    const double span = clearance::passed(g.p.kind[k], g.p.parameters[k].data, path);
+    if (!clears(g, k, x, {0.0, 0.0}, at, span, margin, 0.0)) return false;
+  }
+  return true;
+}
+
+// Whether a manoeuvre from a state on satisfies the conditions until it rests where no region comes.
+inline bool passes(const Gate& g, const Law& law, State state, bool accepts) {
+  const auto held = [&](const State& at, const Point& u, double span) { return hold(g, at, u, span, accepts); };
+  return manoeuvres::follow(g.plant, law, state, held) && is_free(g, state, accepts);
+}
+
+// Whether a manoeuvre passes after an input that is held for a period.
+inline bool accepts(const Gate& g, State state, const Point& u, const Law& law) {
+  if (!hold(g, state, u, g.plant.period, false)) return false;
+  manoeuvres::move(state, u, g.plant.period);
+  return passes(g, law, state, true);
+}
+
+// The direction away from the nearest region, 0 where there is none.
+inline Point away(const Gate& g, const State& state) {
+  double nearest = INFINITY;
+  Point direction{0.0, 0.0};
+  for (Index k = 0; k < g.p.count(); ++k) {
+    if (!is_due(g, k) || is_speed_limit(g.p, k)) continue;
+    const clearance::Path path = seen(g.p, k, state.x, {0.0, 0.0}, g.time, 0.0);
+    const auto at = shapes::jet(g.p.kind[k], g.p.parameters[k].data, path.x, path.y);
+    if (at.h < nearest) nearest = at.h, direction = {at.gx, at.gy};
+  }
+  return direction;
+}
+
+// Tries manoeuvres from a state on until `attempt(law)` takes one: the last, brake, the user's, and
+// accelerations away from the nearest region and in k directions.
+template <class Attempt>
+bool any(const Gate& g, const State& state, const Attempt& attempt) {
+  const Memory& known = g.p.plant.verified;
+  if (known.rank > 0 && attempt(known.law)) return true;
+  if (attempt(Law{})) return true;
+  for (Index i = 0; i < g.laws; ++i)
+    if (attempt(Law{{0.0, 0.0}, 0, i + 1, 0})) return true;
+  double fastest = INFINITY;
+  for (Index k = 0; k < g.p.count(); ++k)
+    if (is_due(g, k) && is_speed_limit(g.p, k))
+      fastest = std::min(fastest, std::max(0.0, allowed(g, k, g.reserve.drift)));
+  const double speed = std::hypot(state.x[2], state.x[3]), period = g.plant.period;
+  const Point aside = away(g, state);
+  for (const double duration : DURATIONS) {
+    const Index samples = std::max<Index>(1, std::lround(duration / period));
+    const double size = (1.0 - BELOW) * std::min(fastest, speed + g.brakes * period * samples);
+    if (attempt(Law{{size * aside.x, size * aside.y}, samples, 0, 0})) return true;
+    for (Index i = 0; i < g.directions; ++i) {
+      const double angle = 2.0 * rotation::PI * i / g.directions;
+      if (attempt(Law{{size * std::cos(angle), size * std::sin(angle)}, samples, 0, 0})) return true;
+    }
+  }
+  return false;
+}
+
+// Looks for an input at one rank: u is the proposal or the verified one nearest to it. Returns whether there
+// is one, with the manoeuvre that follows it.
+inline bool find(const Gate& g, const State& state, const Point& proposal, Point& u, Law& law) {
+  State after = state;
+  if (hold(g, state, proposal, g.plant.period, false)) {
+    manoeuvres::move(after, proposal, g.plant.period);
+    u = proposal;
+    if (any(g, state, [&](const Law& one) { return law = one, passes(g, one, after, true); })) return true;
+  }
+  bool some = false, sure = false;
+  Law kept{};
+  any(g, state, [&](const Law& one) {  // one that its own first input leads to, if there is one
+    if (!passes(g, one, state, false)) return false;
+    sure = accepts(g, state, manoeuvres::next(g.plant, one, state.x).u, manoeuvres::later(one, 1));
+    if (sure || !some) kept = one;
+    some = true;
+    return sure;
+  });
+  if (!some) return false;
+  const Point first = manoeuvres::next(g.plant, kept, state.x).u;
+  u = first, law = manoeuvres::later(kept, 1);
+  double low = 0.0, high = 1.0;
+  for (int n = 0; n < HALVINGS; ++n) {
+    const double middle = 0.5 * (low + high);
+    const Point between = polygon::between<double>(first, proposal, middle);
+    if (!accepts(g, state, between, kept)) {
+      high = middle;
+      continue;
+    }
+    low = middle, u = between, law = kept;
+  }
+  return true;
+}
+
+// The lowest rank of the conditions that a gate verifies, at least 1.
+inline Index lowest(Gate g) {
+  g.rank = layout::LOWEST_RANK;
+  Index rank = 1;
+  for (Index k = 0; k < g.p.count(); ++k)
+    if (is_due(g, k)) rank = std::max(rank, g.p.priority[k]);
+  return rank;
+}
+
+inline Gate gate_of(const Constants& c, const Settings& settings, const One& p, const manoeuvres::Own& own,
+                    const Reserve& reserve, double time) {
+  const Vector<const Point> corners = polygon::points(settings.vertices[0]);
+  double brakes = INFINITY;
+  Point from = corners[corners.size - 1];
+  for (const Point& to : corners) {
+    const double length = std::hypot(to.x - from.x, to.y - from.y);
+    brakes = std::min(brakes, (from.x * to.y - from.y * to.x) / length), from = to;
+  }
+  return {p, {corners, c.period, own}, reserve, time, brakes, c.directions, c.laws, 1};
+}
+
+// Writes what the rows of lower ranks pay at u, which manoeuvres satisfy through a rank.
+inline void account(const Constants& c, const Gate& g, const Point& u, Work& w) {
+  w.answer.u(0, 0) = u.x, w.answer.u(0, 1) = u.y;
+  bool pays = false;
+  for (Index k = 0; k < w.priority.size; ++k) {
+    const double norm = std::hypot(w.a(k, 0), w.a(k, 1)), b = w.rows(rows::B, k);
+    double slack = program_records::slack_of(b - w.a(k, 0) * u.x - w.a(k, 1) * u.y, norm, b, c.radius);
+    if (k < g.p.count() && (is_due(g, k) || g.p.priority[k] <= 1)) slack = 0.0;
+    w.answer.slack(0, k) = w.answer.delta(0, k) = slack;
+    pays |= slack > 0.0;
+  }
+  using program_records::FilterStatus;
+  w.answer.status[0] = !pays ? FilterStatus::SAFE : c.ranks ? FilterStatus::RELAXED : FilterStatus::VIOLATED;
+}
+
+inline void solve(const Settings& settings, Work& w) {
+  cascade::filter_range(settings, {w.u.data, 1, 2}, w.problem(w.a, w.rows[rows::B]), w.answer, w.polygons,
+                        0, 1);
+}
+
+// Proposes an input by the program without the strict rows.
+inline Point propose(const Settings& settings, const One& p, Work& w) {
+  const Vector<double> strict = w.other_rows[rows::B], b = w.rows[rows::B];
+  std::copy_n(b.data, b.size, strict.data);
+  for (Index k = 0; k < p.count(); ++k)
+    if (p.priority[k] == 1) b[k] = -1.0 - 2.0 * settings.radius * std::hypot(w.a(k, 0), w.a(k, 1));
+  solve(settings, w);
+  std::copy_n(strict.data, strict.size, b.data);
+  return {w.answer.u(0, 0), w.answer.u(0, 1)};
+}
+
+// Filters one plant whose state is valid.
+inline void filter(const Constants& c, const Settings& program, const One& p, const manoeuvres::Own& own,
+                   Work& w) {
+  const Settings settings = posing::pose(c, program, p, w);
+  Memory& memory = p.plant.verified;
+  const bool followed = memory.rank > 0;
+  memory.lost = 0.0;
+  Gate g = gate_of(c, settings, p, own, reserve_of(c, p.plant), p.plant.time);
+  const Index last = lowest(g);
+  Index found = 0;
+  Point u;
+  Law law{};
+  if (p.report.reason != reason::BARRIERS) {
+    const Point proposal = propose(settings, p, w);
+    const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
+    for (g.rank = last; found == 0 && g.rank >= 1; --g.rank)
+      if (find(g, state, proposal, u, law)) found = g.rank;
+  }
+  memory.law = law, memory.reserve = g.reserve, memory.rank = p.report.verified = g.rank = found;
+  if (found > 0) {
+    account(c, g, u, w);
+    p.plant.judged.change = p.plant.judged.unproved = 0, p.plant.judged.closing = 0.0;
+  } else {
+    solve(settings, w);
+    if (followed) p.plant.judged.change = conclusion::CHANGED;
+  }
+  conclusion::conclude(c, p, w);
+  if (found == 0 && p.report.reason == 0) p.report.reason = reason::UNVERIFIED;
+  if (0 < found && found < last) p.report.status = std::max<Index>(p.report.status, program_records::RELAXED);
+}
+
+// Goes on with the manoeuvre that was verified last, where no state is valid: from the predicted state, with
+// a margin that grows, at most as long as such a state counts. Else the plant brakes.
+inline void go_on(const Constants& c, const Settings& settings, const One& p, const manoeuvres::Own& own,
+                  Work& w) {
+  Memory& memory = p.plant.verified;
+  p.report.verified = 0;
+  if (memory.rank == 0) return;
+  memory.lost += c.period;
+  Reserve reserve = memory.reserve;
+  reserve.keep += reserve.drift * memory.lost;
+  const Gate g = gate_of(c, settings, p, own, reserve, p.plant.accepted_at + memory.lost);
+  const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
+  const bool lasts = p.plant.known != 0 && memory.lost <= c.longest;
+  if (!lasts || !passes(g, memory.law, state, false)) {
+    memory.rank = 0;
+    return;
+  }
+  const Point u = manoeuvres::next(g.plant, memory.law, state.x).u;
+  memory.law = manoeuvres::later(memory.law, 1);
+  w.answer.u(0, 0) = u.x, w.answer.u(0, 1) = u.y;
+}
+
+}  // namespace hcbf::gatekeeper
