@@ -155,7 +155,9 @@ class BarrierSet:
         if isinstance(barrier, Shapes):
             self.kind[i, k:end] = barrier.kind
             self.parameters[i, k:end] = barrier.of_plant(i, len(self.kind))
-            self.ends[i, k:end] = barrier.moves_for if barrier.parameters.ndim == 2 else barrier.moves_for[i]
+            self.ends[i, k:end] = (
+                barrier.moves_for if barrier.parameters.ndim == 2 else barrier.moves_for[i]
+            )
             return end
         if isinstance(barrier, SpeedLimit):
             self.own_margin[i, k] = barrier.margin

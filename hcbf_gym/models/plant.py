@@ -86,14 +86,14 @@ class Reason(IntEnum):
     )
     UNVERIFIED = (
         14,
-        "no manoeuvre of the gatekeeper satisfies the strict conditions from this state on, as after "
-        "a jump, a reset or a change of regions",
+        "no manoeuvre of the gatekeeper satisfies the strict conditions from this state on, as "
+        "after a jump, a reset or a change of regions",
     )
 
     @property
     def lasts(self) -> bool:
         """Whether it lasts until the next reset."""
-        return FIRST_ALARM <= self and self not in (Reason.MOVES, Reason.UNVERIFIED)
+        return self >= FIRST_ALARM and self not in (Reason.MOVES, Reason.UNVERIFIED)
 
 
 FIRST_ALARM = Reason.INPUT

@@ -94,7 +94,14 @@ class SafetyFilter(
         **options: Any,
     ):
         settings = FilterSettings(
-            program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options,
+            program,
+            rows,
+            guidance,
+            margin,
+            solver,
+            on_alarm,
+            allow_late_inputs,
+            options,
             strict,
         )
         record_filter(self, env, gym.Env, plant, settings, certificate)

@@ -67,7 +67,14 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         **options: Any,
     ):
         settings = FilterSettings(
-            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options,
+            program,
+            rows,
+            guidance,
+            margin,
+            None,
+            on_alarm,
+            allow_late_inputs,
+            options,
             strict,
         )
         record_filter(self, env, VectorEnv, plant, settings, certificate, threads=threads)

@@ -71,6 +71,24 @@ inline double allowed(const Gate& g, Index k, double spare) {
   return std::sqrt(std::max(0.0, limit * (limit - 2.0 * margin))) - spare;
 }
 
+// The least of these [m/s], at least 0; infinite without a limit.
+inline double fastest_of(const Gate& g, double spare) {
+  double fastest = INFINITY;
+  for (Index k = 0; k < g.p.count(); ++k)
+    if (is_due(g, k) && is_speed_limit(g.p, k))
+      fastest = std::min(fastest, std::max(0.0, allowed(g, k, spare)));
+  return fastest;
+}
+
+// The input that leads to the velocity nearest to that of `u` within the strict speed limits.
+inline Point slowed(const Gate& g, const double* x, const Point& u) {
+  const double vx = x[2] + u.x * g.plant.period, vy = x[3] + u.y * g.plant.period;
+  const double speed = std::hypot(vx, vy), share = (1.0 - BELOW) * fastest_of(g, 0.0) / speed;
+  if (!(share < 1.0)) return u;
+  const Point slower{(share * vx - x[2]) / g.plant.period, (share * vy - x[3]) / g.plant.period};
+  return polygon::nearest<double>(g.plant.corners, slower);
+}
+
 // The path from x (4,) at a time in the frame of region k, which rests from its end on.
 inline clearance::Path seen(const One& p, Index k, const double* x, const Point& u, double at, double span) {
   const double *c = p.parameters[k].data, end = p.ends.size > 0 ? p.ends[k] : INFINITY;
@@ -166,10 +184,7 @@ bool any(const Gate& g, const State& state, const Attempt& attempt) {
   if (attempt(Law{})) return true;
   for (Index i = 0; i < g.laws; ++i)
     if (attempt(Law{{0.0, 0.0}, 0, i + 1, 0})) return true;
-  double fastest = INFINITY;
-  for (Index k = 0; k < g.p.count(); ++k)
-    if (is_due(g, k) && is_speed_limit(g.p, k))
-      fastest = std::min(fastest, std::max(0.0, allowed(g, k, g.reserve.drift)));
+  const double fastest = fastest_of(g, g.reserve.drift);
   const double speed = std::hypot(state.x[2], state.x[3]), period = g.plant.period;
   const Point aside = away(g, state);
   for (const double duration : DURATIONS) {
@@ -283,7 +298,8 @@ inline void filter(const Constants& c, const Settings& program, const One& p, co
   Point u;
   Law law{};
   if (p.report.reason != reason::BARRIERS) {
-    const Point proposal = propose(settings, p, w);
+    g.rank = 1;
+    const Point proposal = slowed(g, p.plant.x, propose(settings, p, w));
     const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
     for (g.rank = last; found == 0 && g.rank >= 1; --g.rank)
       if (find(g, state, proposal, u, law)) found = g.rank;
