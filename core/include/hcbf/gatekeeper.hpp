@@ -1,9 +1,10 @@
 // The gatekeeper: an input is accepted if a verified manoeuvre follows it; docs/gatekeeper.md proves why.
 //
 // The program with the rows of ranks 2 and lower proposes an input. For r from the lowest rank to 1,
-// manoeuvres that satisfy ranks 1 to r are looked for: one that follows the proposal; or one that follows
-// the state at once, and then the input nearest to the proposal by bisection, each of them verified. Where
-// none satisfies rank 1, the rows of all strict conditions decide.
+// manoeuvres that satisfy ranks 1 to r are looked for: one that follows the proposal; or the input of all
+// rows, so that the robot slides along a region; or one that follows the state at once. From those the
+// input nearest to the proposal is found by bisection, each of them verified. Where none satisfies rank 1,
+// the rows of all strict conditions decide.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -37,7 +38,12 @@ struct Gate {
   double brakes;  // the deceleration that U has in every direction [m/s²]
   Index directions, laws;  // k, and how many laws are the user's
   Index rank;     // through which rank conditions are satisfied
+  const double* h;  // (m,) at the sample
+  bool eases;       // whether a robot that is nearer than m_accept may leave, if it comes no nearer
 };
+
+// What a state is on: a manoeuvre that goes on, an input that is to be accepted, or what follows that.
+enum Phase { GOES_ON, HELD, AFTER };
 
 // What is reserved at a sample, for the errors of the state at it and at the next one.
 inline Reserve reserve_of(const Constants& c, const plants::Plant& plant) {
@@ -83,7 +89,7 @@ inline double fastest_of(const Gate& g, double spare) {
 // The input that leads to the velocity nearest to that of `u` within the strict speed limits.
 inline Point slowed(const Gate& g, const double* x, const Point& u) {
   const double vx = x[2] + u.x * g.plant.period, vy = x[3] + u.y * g.plant.period;
-  const double speed = std::hypot(vx, vy), share = (1.0 - BELOW) * fastest_of(g, 0.0) / speed;
+  const double speed = std::hypot(vx, vy), share = (1.0 - BELOW) * fastest_of(g, g.reserve.drift) / speed;
   if (!(share < 1.0)) return u;
   const Point slower{(share * vx - x[2]) / g.plant.period, (share * vy - x[3]) / g.plant.period};
   return polygon::nearest<double>(g.plant.corners, slower);
@@ -97,12 +103,21 @@ inline clearance::Path seen(const One& p, Index k, const double* x, const Point&
   return {x[0] - wx * since, x[1] - wy * since, x[2] - moves * wx, x[3] - moves * wy, u.x, u.y, span, 0.0, 0.0};
 }
 
-// Whether region k is cleared along a path from x on by `margin`, which grows.
-inline bool clears(const Gate& g, Index k, const double* x, const Point& u, double at, double span,
-                   double margin, double grows) {
-  const double* c = g.p.parameters[k].data;
-  clearance::Path path = seen(g.p, k, x, u, at, span);
-  path.margin = margin + g.p.own_margin[k], path.grows = grows;
+// Writes what is reserved of region k from a time since the sample on.
+inline void reserve(const Gate& g, Index k, double since, Phase phase, clearance::Path& path) {
+  const double keep = g.reserve.keep + g.p.own_margin[k];
+  double more = 0.0, grows = 0.0;
+  if (phase == AFTER) {
+    more = g.reserve.ahead + g.reserve.drift * (since - g.plant.period), grows = g.reserve.drift;
+    const double room = std::max(0.0, g.h[k] - keep);
+    if (g.eases && more + grows * path.span > room) more = room, grows = 0.0;
+  }
+  path.margin = keep + more, path.grows = grows;
+}
+
+// Whether region k is cleared along a path at a time.
+inline bool clears(const Gate& g, Index k, clearance::Path path, double at) {
+  const double *c = g.p.parameters[k].data, span = path.span;
   const double left = g.p.ends.size > 0 ? g.p.ends[k] - at : INFINITY;
   if (left <= 0.0 || left >= span) return clearance::holds(g.p.kind[k], c, path);
   clearance::Path after = clearance::part(path, left, span - left);
@@ -111,55 +126,50 @@ inline bool clears(const Gate& g, Index k, const double* x, const Point& u, doub
   return clearance::holds(g.p.kind[k], c, path) && clearance::holds(g.p.kind[k], c, after);
 }
 
-// What is reserved of regions at a state [m]. `accepts`: whether the next sample's errors are.
-inline double margin_at(const Gate& g, const State& state, bool accepts) {
-  if (!accepts) return g.reserve.keep;
-  return g.reserve.keep + g.reserve.ahead + g.reserve.drift * (state.since - g.plant.period);
-}
-
 // Whether the conditions hold while an input is held from a state on.
-inline bool hold(const Gate& g, const State& state, const Point& u, double span, bool accepts) {
-  const double *x = state.x, spare = accepts ? g.reserve.drift : 0.0;
-  const double vx = x[2] + u.x * span, vy = x[3] + u.y * span, margin = margin_at(g, state, accepts);
+inline bool hold(const Gate& g, const State& state, const Point& u, double span, Phase phase) {
+  const double *x = state.x, at = g.time + state.since;
+  const double vx = x[2] + u.x * span, vy = x[3] + u.y * span;
   for (Index k = 0; k < g.p.count(); ++k) {
     if (!is_due(g, k)) continue;
     if (is_speed_limit(g.p, k)) {
-      const double most = allowed(g, k, spare);
+      const double most = allowed(g, k, phase == GOES_ON ? 0.0 : g.reserve.drift);
       if (!(most >= 0.0 && vx * vx + vy * vy <= most * most)) return false;
-    } else if (!clears(g, k, x, u, g.time + state.since, span, margin, spare)) {
-      return false;
+    } else {
+      clearance::Path path = seen(g.p, k, x, u, at, span);
+      reserve(g, k, state.since, phase, path);
+      if (!clears(g, k, path, at)) return false;
     }
   }
   return true;
 }
 
 // Whether no region sweeps the place of a state at rest.
-inline bool is_free(const Gate& g, const State& state, bool accepts) {
-  State last = state;  // with an error of its velocity a robot is at rest so much later
-  if (accepts) last.since += g.plant.period * std::ceil(g.reserve.drift / (g.brakes * g.plant.period));
-  const double margin = margin_at(g, last, accepts), x[4] = {state.x[0], state.x[1], 0.0, 0.0};
+inline bool is_free(const Gate& g, const State& state, Phase phase) {
+  // with an error of its velocity a robot is at rest so much later
+  const double later = g.plant.period * std::ceil(g.reserve.drift / (g.brakes * g.plant.period));
+  const double at = g.time + state.since, x[4] = {state.x[0], state.x[1], 0.0, 0.0};
   for (Index k = 0; k < g.p.count(); ++k) {
     if (!is_due(g, k) || is_speed_limit(g.p, k)) continue;
-    const double at = g.time + state.since;
     clearance::Path path = seen(g.p, k, x, {0.0, 0.0}, at, 0.0);
-    path.margin = margin + g.p.own_margin[k];
-    const double span = clearance::passed(g.p.kind[k], g.p.parameters[k].data, path);
-    if (!clears(g, k, x, {0.0, 0.0}, at, span, margin, 0.0)) return false;
+    reserve(g, k, state.since + later, phase, path);
+    path.grows = 0.0, path.span = clearance::passed(g.p.kind[k], g.p.parameters[k].data, path);
+    if (!clears(g, k, path, at)) return false;
   }
   return true;
 }
 
 // Whether a manoeuvre from a state on satisfies the conditions until it rests where no region comes.
-inline bool passes(const Gate& g, const Law& law, State state, bool accepts) {
-  const auto held = [&](const State& at, const Point& u, double span) { return hold(g, at, u, span, accepts); };
-  return manoeuvres::follow(g.plant, law, state, held) && is_free(g, state, accepts);
+inline bool passes(const Gate& g, const Law& law, State state, Phase phase) {
+  const auto held = [&](const State& at, const Point& u, double span) { return hold(g, at, u, span, phase); };
+  return manoeuvres::follow(g.plant, law, state, held) && is_free(g, state, phase);
 }
 
 // Whether a manoeuvre passes after an input that is held for a period.
 inline bool accepts(const Gate& g, State state, const Point& u, const Law& law) {
-  if (!hold(g, state, u, g.plant.period, false)) return false;
+  if (!hold(g, state, u, g.plant.period, HELD)) return false;
   manoeuvres::move(state, u, g.plant.period);
-  return passes(g, law, state, true);
+  return passes(g, law, state, AFTER);
 }
 
 // The direction away from the nearest region, 0 where there is none.
@@ -199,27 +209,34 @@ bool any(const Gate& g, const State& state, const Attempt& attempt) {
   return false;
 }
 
-// Looks for an input at one rank: u is the proposal or the verified one nearest to it. Returns whether there
-// is one, with the manoeuvre that follows it.
-inline bool find(const Gate& g, const State& state, const Point& proposal, Point& u, Law& law) {
-  State after = state;
-  if (hold(g, state, proposal, g.plant.period, false)) {
-    manoeuvres::move(after, proposal, g.plant.period);
-    u = proposal;
-    if (any(g, state, [&](const Law& one) { return law = one, passes(g, one, after, true); })) return true;
+enum Found { NONE, KEPT, ACCEPTED };
+
+// Looks for an input at one rank: the proposal or an accepted one between it and that of all rows, or the
+// first one of a manoeuvre that satisfies m_keep. `law` is what follows it.
+inline Found find(const Gate& g, const State& state, const Point& proposal, const Point& of_rows, Point& u,
+                  Law& law) {
+  const auto is_accepted = [&](const Point& input) {
+    if (!hold(g, state, input, g.plant.period, HELD)) return false;
+    State after = state;
+    manoeuvres::move(after, input, g.plant.period);
+    u = input;
+    return any(g, state, [&](const Law& one) { return law = one, passes(g, one, after, AFTER); });
+  };
+  if (is_accepted(proposal)) return ACCEPTED;
+  bool sure = is_accepted(of_rows), some = sure;
+  Law kept = law;
+  if (!sure) {
+    any(g, state, [&](const Law& one) {  // one that its own first input leads to, if there is one
+      if (!passes(g, one, state, GOES_ON)) return false;
+      sure = accepts(g, state, manoeuvres::next(g.plant, one, state.x).u, manoeuvres::later(one, 1));
+      if (sure || !some) kept = one;
+      some = true;
+      return sure;
+    });
+    if (!some) return NONE;
+    u = manoeuvres::next(g.plant, kept, state.x).u, law = manoeuvres::later(kept, 1);
   }
-  bool some = false, sure = false;
-  Law kept{};
-  any(g, state, [&](const Law& one) {  // one that its own first input leads to, if there is one
-    if (!passes(g, one, state, false)) return false;
-    sure = accepts(g, state, manoeuvres::next(g.plant, one, state.x).u, manoeuvres::later(one, 1));
-    if (sure || !some) kept = one;
-    some = true;
-    return sure;
-  });
-  if (!some) return false;
-  const Point first = manoeuvres::next(g.plant, kept, state.x).u;
-  u = first, law = manoeuvres::later(kept, 1);
+  const Point first = u;
   double low = 0.0, high = 1.0;
   for (int n = 0; n < HALVINGS; ++n) {
     const double middle = 0.5 * (low + high);
@@ -228,9 +245,9 @@ inline bool find(const Gate& g, const State& state, const Point& proposal, Point
       high = middle;
       continue;
     }
-    low = middle, u = between, law = kept;
+    low = middle, u = between, law = kept, sure = true;
   }
-  return true;
+  return sure ? ACCEPTED : KEPT;
 }
 
 // The lowest rank of the conditions that a gate verifies, at least 1.
@@ -243,7 +260,8 @@ inline Index lowest(Gate g) {
 }
 
 inline Gate gate_of(const Constants& c, const Settings& settings, const One& p, const manoeuvres::Own& own,
-                    const Reserve& reserve, double time) {
+                    const Reserve& reserved, double time,
+                    const double* h) {
   const Vector<const Point> corners = polygon::points(settings.vertices[0]);
   double brakes = INFINITY;
   Point from = corners[corners.size - 1];
@@ -251,7 +269,7 @@ inline Gate gate_of(const Constants& c, const Settings& settings, const One& p, 
     const double length = std::hypot(to.x - from.x, to.y - from.y);
     brakes = std::min(brakes, (from.x * to.y - from.y * to.x) / length), from = to;
   }
-  return {p, {corners, c.period, own}, reserve, time, brakes, c.directions, c.laws, 1};
+  return {p, {corners, c.period, own}, reserved, time, brakes, c.directions, c.laws, 1, h, false};
 }
 
 // Writes what the rows of lower ranks pay at u, which manoeuvres satisfy through a rank.
@@ -292,25 +310,31 @@ inline void filter(const Constants& c, const Settings& program, const One& p, co
   Memory& memory = p.plant.verified;
   const bool followed = memory.rank > 0;
   memory.lost = 0.0;
-  Gate g = gate_of(c, settings, p, own, reserve_of(c, p.plant), p.plant.time);
+  Gate g = gate_of(c, settings, p, own, reserve_of(c, p.plant), p.plant.time, w.rows[rows::H].data);
   const Index last = lowest(g);
   Index found = 0;
+  Found how = NONE;
   Point u;
   Law law{};
-  if (p.report.reason != reason::BARRIERS) {
-    g.rank = 1;
-    const Point proposal = slowed(g, p.plant.x, propose(settings, p, w));
-    const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
-    for (g.rank = last; found == 0 && g.rank >= 1; --g.rank)
-      if (find(g, state, proposal, u, law)) found = g.rank;
+  const Point proposal = slowed(g, p.plant.x, propose(settings, p, w));
+  solve(settings, w);
+  const Point of_rows{w.answer.u(0, 0), w.answer.u(0, 1)};
+  const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
+  for (g.rank = p.report.reason == reason::BARRIERS ? 0 : last; found == 0 && g.rank >= 1; --g.rank) {
+    how = find(g, state, proposal, of_rows, u, law);
+    if (how == NONE) continue;
+    found = g.rank;
+    const bool rests = std::hypot(state.x[2], state.x[3]) < constants::STANDING;
+    g.eases = how == KEPT && (memory.sure == 0 || rests);
+    if (g.eases) find(g, state, proposal, of_rows, u, law);
   }
+  memory.sure = how == ACCEPTED || (how == KEPT && memory.sure != 0);
   memory.law = law, memory.reserve = g.reserve, memory.rank = p.report.verified = g.rank = found;
   if (found > 0) {
     account(c, g, u, w);
     p.plant.judged.change = p.plant.judged.unproved = 0, p.plant.judged.closing = 0.0;
-  } else {
-    solve(settings, w);
-    if (followed) p.plant.judged.change = conclusion::CHANGED;
+  } else if (followed) {
+    p.plant.judged.change = conclusion::CHANGED;
   }
   conclusion::conclude(c, p, w);
   if (found == 0 && p.report.reason == 0) p.report.reason = reason::UNVERIFIED;
@@ -325,12 +349,12 @@ inline void go_on(const Constants& c, const Settings& settings, const One& p, co
   p.report.verified = 0;
   if (memory.rank == 0) return;
   memory.lost += c.period;
-  Reserve reserve = memory.reserve;
-  reserve.keep += reserve.drift * memory.lost;
-  const Gate g = gate_of(c, settings, p, own, reserve, p.plant.accepted_at + memory.lost);
+  Reserve reserved = memory.reserve;
+  reserved.keep += reserved.drift * memory.lost;
+  const Gate g = gate_of(c, settings, p, own, reserved, p.plant.accepted_at + memory.lost, nullptr);
   const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
   const bool lasts = p.plant.known != 0 && memory.lost <= c.longest;
-  if (!lasts || !passes(g, memory.law, state, false)) {
+  if (!lasts || !passes(g, memory.law, state, GOES_ON)) {
     memory.rank = 0;
     return;
   }

@@ -62,6 +62,7 @@ struct Memory {
   Law law;
   Reserve reserve;
   Index rank;   // through which rank it is verified
+  Index sure;   // whether an input was accepted since there was none, so that it goes on from that
   double lost;  // for how long no state has been valid [s]
 };
 
