@@ -40,6 +40,7 @@ struct Gate {
   Index rank;     // through which rank conditions are satisfied
   const double* h;  // (m,) at the sample
   bool eases;       // whether a robot that is nearer than m_accept may leave, if it comes no nearer
+  mutable Index suspect;  // the condition that failed last: it fails the next manoeuvre most likely
 };
 
 // What a state is on: a manoeuvre that goes on, an input that is to be accepted, or what follows that.
@@ -126,12 +127,18 @@ inline bool clears(const Gate& g, Index k, clearance::Path path, double at) {
   return clearance::holds(g.p.kind[k], c, path) && clearance::holds(g.p.kind[k], c, after);
 }
 
-// Whether the conditions hold while an input is held from a state on.
-inline bool hold(const Gate& g, const State& state, const Point& u, double span, Phase phase) {
+// Some of the conditions.
+struct Some {
+  Index first, end;
+};
+
+// Whether conditions hold while an input is held from a state on.
+inline bool hold(const Gate& g, const State& state, const Point& u, double span, Phase phase, Some some) {
   const double *x = state.x, at = g.time + state.since;
   const double vx = x[2] + u.x * span, vy = x[3] + u.y * span;
-  for (Index k = 0; k < g.p.count(); ++k) {
+  for (Index k = some.first; k < some.end; ++k) {
     if (!is_due(g, k)) continue;
+    g.suspect = k;
     if (is_speed_limit(g.p, k)) {
       const double most = allowed(g, k, phase == GOES_ON ? 0.0 : g.reserve.drift);
       if (!(most >= 0.0 && vx * vx + vy * vy <= most * most)) return false;
@@ -145,12 +152,13 @@ inline bool hold(const Gate& g, const State& state, const Point& u, double span,
 }
 
 // Whether no region sweeps the place of a state at rest.
-inline bool is_free(const Gate& g, const State& state, Phase phase) {
+inline bool is_free(const Gate& g, const State& state, Phase phase, Some some) {
   // with an error of its velocity a robot is at rest so much later
   const double later = g.plant.period * std::ceil(g.reserve.drift / (g.brakes * g.plant.period));
   const double at = g.time + state.since, x[4] = {state.x[0], state.x[1], 0.0, 0.0};
-  for (Index k = 0; k < g.p.count(); ++k) {
+  for (Index k = some.first; k < some.end; ++k) {
     if (!is_due(g, k) || is_speed_limit(g.p, k)) continue;
+    g.suspect = k;
     clearance::Path path = seen(g.p, k, x, {0.0, 0.0}, at, 0.0);
     reserve(g, k, state.since + later, phase, path);
     path.grows = 0.0, path.span = clearance::passed(g.p.kind[k], g.p.parameters[k].data, path);
@@ -160,14 +168,19 @@ inline bool is_free(const Gate& g, const State& state, Phase phase) {
 }
 
 // Whether a manoeuvre from a state on satisfies the conditions until it rests where no region comes.
-inline bool passes(const Gate& g, const Law& law, State state, Phase phase) {
-  const auto held = [&](const State& at, const Point& u, double span) { return hold(g, at, u, span, phase); };
-  return manoeuvres::follow(g.plant, law, state, held) && is_free(g, state, phase);
+inline bool passes(const Gate& g, const Law& law, const State& state, Phase phase) {
+  const auto meets = [&](Some some) {
+    State end = state;
+    const auto held = [&](const State& at, const Point& u, double span) { return hold(g, at, u, span, phase, some); };
+    return manoeuvres::follow(g.plant, law, end, held) && is_free(g, end, phase, some);
+  };
+  const Index count = g.p.count();
+  return meets({g.suspect, std::min(g.suspect + 1, count)}) && meets({0, count});
 }
 
 // Whether a manoeuvre passes after an input that is held for a period.
 inline bool accepts(const Gate& g, State state, const Point& u, const Law& law) {
-  if (!hold(g, state, u, g.plant.period, HELD)) return false;
+  if (!hold(g, state, u, g.plant.period, HELD, {0, g.p.count()})) return false;
   manoeuvres::move(state, u, g.plant.period);
   return passes(g, law, state, AFTER);
 }
@@ -216,7 +229,7 @@ enum Found { NONE, KEPT, ACCEPTED };
 inline Found find(const Gate& g, const State& state, const Point& proposal, const Point& of_rows, Point& u,
                   Law& law) {
   const auto is_accepted = [&](const Point& input) {
-    if (!hold(g, state, input, g.plant.period, HELD)) return false;
+    if (!hold(g, state, input, g.plant.period, HELD, {0, g.p.count()})) return false;
     State after = state;
     manoeuvres::move(after, input, g.plant.period);
     u = input;
@@ -231,7 +244,7 @@ inline Found find(const Gate& g, const State& state, const Point& proposal, cons
       sure = accepts(g, state, manoeuvres::next(g.plant, one, state.x).u, manoeuvres::later(one, 1));
       if (sure || !some) kept = one;
       some = true;
-      return sure;
+      return sure || g.p.plant.verified.sure != 0;  // what was accepted goes on
     });
     if (!some) return NONE;
     u = manoeuvres::next(g.plant, kept, state.x).u, law = manoeuvres::later(kept, 1);
@@ -269,7 +282,7 @@ inline Gate gate_of(const Constants& c, const Settings& settings, const One& p, 
     const double length = std::hypot(to.x - from.x, to.y - from.y);
     brakes = std::min(brakes, (from.x * to.y - from.y * to.x) / length), from = to;
   }
-  return {p, {corners, c.period, own}, reserved, time, brakes, c.directions, c.laws, 1, h, false};
+  return {p, {corners, c.period, own}, reserved, time, brakes, c.directions, c.laws, 1, h, false, 0};
 }
 
 // Writes what the rows of lower ranks pay at u, which manoeuvres satisfy through a rank.
