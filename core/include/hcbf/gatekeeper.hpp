@@ -368,7 +368,7 @@ inline void go_on(const Constants& c, const Settings& settings, const One& p, co
   const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
   const bool lasts = p.plant.known != 0 && memory.lost <= c.longest;
   if (!lasts || !passes(g, memory.law, state, GOES_ON)) {
-    memory.rank = 0;
+    memory.rank = memory.sure = 0;
     return;
   }
   const Point u = manoeuvres::next(g.plant, memory.law, state.x).u;
