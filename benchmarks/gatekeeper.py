@@ -86,26 +86,25 @@ def scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
     found: list[Barrier] = []
     for i in range(6):
         turn = rng.uniform(0.0, 2.0 * np.pi)
-        center = rng.uniform(1.2, 4.0) * np.array([np.cos(turn), np.sin(turn)])
-        moves = rng.uniform(-1.0, 1.0, 2) * rng.choice([0.0, 0.3, 1.0, 1.5])
+        center: Any = rng.uniform(1.2, 4.0) * np.array([np.cos(turn), np.sin(turn)])
+        moves: Any = rng.uniform(-1.0, 1.0, 2) * rng.choice([0.0, 0.3, 1.0, 1.5])
         rank, size, kind = int(rng.choice([1, 1, 2])), rng.uniform(0.1, 0.6), int(rng.integers(5))
-        place = {"velocity": moves}
         if kind == 0:
-            normal = -center / np.linalg.norm(center)
+            normal: Any = -center / np.linalg.norm(center)
             found.append(HalfPlane(f"{i}", rank, normal, normal @ center * 1.5))
         elif kind == 1:
-            found.append(Disc(f"{i}", rank, center, size, **place))
+            found.append(Disc(f"{i}", rank, center, size, velocity=moves))
         elif kind == 2:
-            axes = size * np.array([1.0, rng.uniform(0.2, 1.0)])
-            found.append(Ellipse(f"{i}", rank, center, axes, turn, **place))
+            axes: Any = size * np.array([1.0, rng.uniform(0.2, 1.0)])
+            found.append(Ellipse(f"{i}", rank, center, axes, turn, velocity=moves))
         elif kind == 3:
-            end = center + rng.uniform(0.2, 1.0, 2)
-            found.append(Capsule(f"{i}", rank, center, end, size, **place))
+            end: Any = center + rng.uniform(0.2, 1.0, 2)
+            found.append(Capsule(f"{i}", rank, center, end, size, velocity=moves))
         else:
             corner = int(rng.integers(3, 8))
             at = turn + 2.0 * np.pi * (np.arange(corner) + rng.uniform(0.0, 0.5, corner)) / corner
-            corners = center + size * np.column_stack([np.cos(at), np.sin(at)])
-            found.append(ConvexPolygon(f"{i}", rank, corners, **place))
+            corners: Any = center + size * np.column_stack([np.cos(at), np.sin(at)])
+            found.append(ConvexPolygon(f"{i}", rank, corners, velocity=moves))
     if rng.uniform() < 0.7:
         found.append(SpeedLimit("limit", 1, float(rng.uniform(1.0, 2.5))))
     return tuple(found)
@@ -188,8 +187,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     rng, began = np.random.default_rng(asked.seed), time.perf_counter()
-    happened: Counter[str] = Counter()
-    least = np.inf
+    happened, least = Counter[str](), np.inf
     while happened["steps"] < asked.steps:
         more, lowest = episode(rng, 100, 200)
         happened, least = happened + more, min(least, lowest)

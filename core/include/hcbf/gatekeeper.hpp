@@ -222,6 +222,15 @@ bool any(const Gate& g, const State& state, const Attempt& attempt) {
   return false;
 }
 
+// Whether a strict region is nearer than m_keep: rows reserve nothing for the errors of a velocity.
+inline bool is_near(Gate g) {
+  g.rank = 1;
+  bool near = false;
+  for (Index k = 0; k < g.p.count(); ++k)
+    if (is_due(g, k) && !is_speed_limit(g.p, k)) near |= g.h[k] < g.reserve.keep + g.p.own_margin[k];
+  return near;
+}
+
 enum Found { NONE, KEPT, ACCEPTED };
 
 // Looks for an input at one rank: the proposal or an accepted one between it and that of all rows, or the
@@ -351,7 +360,9 @@ inline void filter(const Constants& c, const Settings& program, const One& p, co
   }
   conclusion::conclude(c, p, w);
   if (found == 0 && p.report.reason == 0) p.report.reason = reason::UNVERIFIED;
-  if (0 < found && found < last) p.report.status = std::max<Index>(p.report.status, program_records::RELAXED);
+  Index least = 0 < found && found < last ? program_records::RELAXED : program_records::NOMINAL;
+  if (found == 0 && is_near(g)) least = program_records::VIOLATED;
+  p.report.status = std::max<Index>(p.report.status, least);
 }
 
 // Goes on with the manoeuvre that was verified last, where no state is valid: from the predicted state, with
