@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <hcbf/arrays.hpp>
+#include <hcbf/polygon.hpp>
 
 namespace hcbf {
 
@@ -46,6 +47,10 @@ nb::ndarray<nb::numpy, T> owned(std::vector<Entry>&& values, std::initializer_li
 // Lets other threads of Python run meanwhile.
 using Unlocked = nb::call_guard<nb::gil_scoped_release>;
 
+// The input of a manoeuvre of the user's, whose `laws` Python has; see `manoeuvres::Own`.
+polygon::Point gate_input(const void* laws, Index which, const double* x, Index begun);
+
+void bind_gatekeeper(nb::module_& m);
 void bind_models(nb::module_& m);
 void bind_programs(nb::module_& m);
 void bind_barriers(nb::module_& m);

@@ -38,13 +38,21 @@ class Filter {
 
   void set_scene(Numbers<const Index, 2> kind, Numbers<const double, 3> parameters,
                  Numbers<const Index, 2> priority, Numbers<const double, 2> own_margin,
-                 std::optional<Numbers<const double, 1>> atlas, std::optional<Numbers<const double, 3>> own) {
+                 std::optional<Numbers<const double, 1>> atlas, Numbers<const double, 2> ends,
+                 std::optional<Numbers<const double, 3>> own) {
     plants_.kind = view(kind), plants_.parameters = view(parameters), plants_.priority = view(priority);
-    plants_.own_margin = view(own_margin),
+    plants_.own_margin = view(own_margin), plants_.ends = view(ends);
     plants_.own = own ? view(*own) : Cube<const double>{nullptr, 0, 0, 0};
     atlas_ = atlas ? view(*atlas) : Vector<const double>{nullptr, 0};
     scene_ = {std::move(kind),       std::move(parameters), std::move(priority),
-              std::move(own_margin), std::move(atlas),      std::move(own)};
+              std::move(own_margin), std::move(atlas),      std::move(ends),
+              std::move(own)};
+  }
+
+  // The user's manoeuvres, a function of which, state and samples.
+  void set_laws(nb::object laws) {
+    laws_ = std::move(laws);
+    for (step::Room& room : rooms_) room.laws = {gate_input, &laws_};
   }
 
   void set_report(Words reports, Words rows) {
@@ -107,7 +115,7 @@ class Filter {
   bool pose(Index i) {
     const One p = step::plant_of(plants_, i);
     const program_records::Settings program = step::program_of(constants_, view(program_), i);
-    if (!step::is_posed(constants_, program, p)) return false;
+    if (!step::is_posed(constants_, program, p, rooms_[0].laws)) return false;
     if (atlas_.size > 0) map_rows::find(constants_, p, atlas_, rooms_[0].map);
     posed_ = step::pose(constants_, program, part(i), rooms_[0].work);
     return true;
@@ -186,7 +194,7 @@ class Filter {
   Numbers<const double, 1> program_;
   Words sensed_;
   std::tuple<Numbers<const Index, 2>, Numbers<const double, 3>, Numbers<const Index, 2>,
-             Numbers<const double, 2>, std::optional<Numbers<const double, 1>>,
+             Numbers<const double, 2>, std::optional<Numbers<const double, 1>>, Numbers<const double, 2>,
              std::optional<Numbers<const double, 3>>>
       scene_;
   std::pair<Words, Words> report_;
@@ -194,6 +202,7 @@ class Filter {
              Numbers<double, 2>>
       own_states_;
   const plants::Constants& constants_;
+  nb::object laws_;
   plants::Plants plants_{};
   state_check::States states_{};
   Vector<const double> atlas_{nullptr, 0};
@@ -209,7 +218,8 @@ void bind_filter(nb::module_& m) {
            "program"_a.noconvert(), "sensed"_a.noconvert(), "threads"_a)
       .def("set_scene", &Filter::set_scene, "kind"_a.noconvert(), "parameters"_a.noconvert(),
            "priority"_a.noconvert(), "own_margin"_a.noconvert(), "atlas"_a.none().noconvert(),
-           "own"_a.none().noconvert(), "Read these scenes and own rows from now on.")
+           "ends"_a.noconvert(), "own"_a.none().noconvert(), "Read these scenes and own rows from now on.")
+      .def("set_laws", &Filter::set_laws, "laws"_a, "Follow these manoeuvres of the user's from now on.")
       .def("set_report", &Filter::set_report, "plants"_a.noconvert(), "rows"_a.noconvert(),
            "Write reports there from now on.")
       .def("set_states", &Filter::set_states, "x"_a.noconvert(), "model"_a.noconvert(), "lag"_a.noconvert(),

@@ -101,6 +101,9 @@ RECORD(estimation_tick::Settings, FIELD(model), FIELD(errors), FIELD(legs), FIEL
 RECORD(monitor::Inputs, FIELD(error), FIELD(missed), FIELD(exact), FIELD(off), FIELD(samples))
 RECORD(monitor::Motion, FIELD(drift), FIELD(motion), FIELD(body), FIELD(bend), FIELD(in_a_row))
 RECORD(conclusion::Memory, FIELD(change), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
+RECORD(gatekeeper::Law, FIELD(target), FIELD(samples), FIELD(own), FIELD(begun))
+RECORD(gatekeeper::Reserve, FIELD(keep), FIELD(ahead), FIELD(drift), FIELD(speed))
+RECORD(gatekeeper::Memory, FIELD(law), FIELD(reserve), FIELD(rank), FIELD(sure), FIELD(lost))
 RECORD(Uncertainty, FIELD(distance), FIELD(per_velocity), FIELD(per_lead), FIELD(cap), FIELD(confidence),
        FIELD(body), FIELD(speed), FIELD(speed_per_velocity))
 template <>
@@ -110,7 +113,9 @@ Fields fields_of<plants::Constants>() {
                    FIELD(lambda_u), FIELD(known_offset), FIELD(corners), FIELD(weights),
                    FIELD(made), FIELD(rows), FIELD(period), FIELD(rounding), FIELD(dip), FIELD(tracking),
                    FIELD(settles), FIELD(drives), FIELD(axle), FIELD(axle_rows), FIELD(jerk),
-                   FIELD(has_way), FIELD(through), FIELD(brakes), FIELD(observed)};
+                   FIELD(has_way), FIELD(through), FIELD(brakes), FIELD(observed), FIELD(gates),
+                   FIELD(directions), FIELD(laws), FIELD(position_error), FIELD(velocity_error),
+                   FIELD(longest)};
   put_within(fields, offsetof(Record, uncertainty), fields_of<Uncertainty>());
   return fields;
 }
@@ -122,7 +127,7 @@ Fields fields_of<plants::Plant>() {
                    FIELD(fault), FIELD(has_model), FIELD(heading), FIELD(way), FIELD(turns), FIELD(turn),
                    FIELD(reachable), FIELD(lost), FIELD(zone), FIELD(expected), FIELD(vague), FIELD(growth),
                    FIELD(accepted), FIELD(headed), FIELD(accepted_at), FIELD(follows), FIELD(known),
-                   FIELD(alarm), FIELD(moves)};
+                   FIELD(alarm), FIELD(moves), FIELD(verified)};
   put_within(fields, offsetof(Record, inputs), fields_of<monitor::Inputs>());
   put_within(fields, offsetof(Record, motion), fields_of<monitor::Motion>());
   put_within(fields, offsetof(Record, judged), fields_of<conclusion::Memory>());
@@ -131,7 +136,7 @@ Fields fields_of<plants::Plant>() {
 
 RECORD(report::Plant, FIELD(intervention), FIELD(fallbacks), FIELD(model_error), FIELD(reachable),
        FIELD(deadlock), FIELD(alpha1_scale), FIELD(status), FIELD(reason), FIELD(covered),
-       FIELD(covered_by), FIELD(proved))
+       FIELD(covered_by), FIELD(proved), FIELD(verified))
 RECORD(report::Row, FIELD(slack), FIELD(delta), FIELD(margin), FIELD(h), FIELD(psi), FIELD(conditioning))
 RECORD(command_history::Commands, FIELD(since), FIELD(leads), FIELD(ends), FIELD(count), FIELD(acting),
        FIELD(velocity), FIELD(braked))

@@ -12,6 +12,7 @@ NB_MODULE(_core, m) {
   hcbf::bind_margins(m);
   hcbf::bind_model_step(m);
   hcbf::bind_filter(m);
+  hcbf::bind_gatekeeper(m);
   hcbf::bind_layouts(m);
   hcbf::bind_monitors(m);
   hcbf::bind_guidance(m);

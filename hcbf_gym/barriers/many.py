@@ -4,6 +4,7 @@ A scene is a sequence of elements. An element is a `Barrier`; `Shapes`, an array
 tracker returns; or an object of a class derived from `Several`, such as a map.
 """
 
+import math
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -18,7 +19,7 @@ from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, check_name
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array, shown
+from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array, reals, shown
 from hcbf_gym.models.constants import FARTHEST
 
 _BUILT_IN = {*SHAPES, SpeedLimit}  # a user's own class may derive from one and change it
@@ -51,6 +52,9 @@ class Shapes:
             n·p on the wall [m]; for "convex-polygon" (k, v, 2): v corners [m], counter-clockwise.
             With one more axis in front, (N, k, …), k of each of N plants that share the scene.
         velocity: (2,), (k, 2) or (N, k, 2) of their frames [m/s].
+        moves_for: (), (k,) or (N, k) how long they go on moving, from when the object is first
+            returned or set [s]. A gatekeeper lets the robot rest beyond the end of a path. Rows do
+            not read it: give another object when they have stopped.
 
     Raises:
         UnknownNameError: if there is no such shape.
@@ -58,6 +62,7 @@ class Shapes:
 
     Attributes:
         kind: their code, see `layout`.
+        moves_for: (k,) or (N, k) [s].
         parameters: (k, WIDTH) or (N, k, WIDTH) what compiled code reads.
 
     Examples:
@@ -76,6 +81,7 @@ class Shapes:
         shape: str,
         values: ArrayLike,
         velocity: ArrayLike = (0.0, 0.0),
+        moves_for: ArrayLike = math.inf,
     ):
         check_name(name, priority)
         self.name = name
@@ -96,6 +102,10 @@ class Shapes:
         moving = finite_array(f"{name}: velocity", moving, expected, largest=FARTHEST)
         self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]] = moving
         self.parameters.flags.writeable = False
+        lasts = np.broadcast_to(reals(f"{name}: moves_for", moves_for), shape_of)
+        if not (lasts >= 0.0).all():
+            raise InvalidInputError(f"{name}: moves_for: got {shown(moves_for)}, expected >= 0 s")
+        self.moves_for = lasts
 
     def of_plant(self, i: int, count: int) -> Array:
         """Return (k, WIDTH) the numbers of plant `i` of `count`.

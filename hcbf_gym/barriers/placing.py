@@ -109,7 +109,7 @@ class Placing:
         if not own and not moved.any():
             return given
         placed = copy(given)
-        placed.parameters = given.parameters.copy()
+        placed.parameters, placed.ends = given.parameters.copy(), given.ends + self._since
         for cls in SHAPES:
             these = moved & (given.kind == cls.code)
             if not these.any():

@@ -16,7 +16,8 @@ from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, count, instance, shown
 
-_ARRAYS = "kind", "parameters", "priority", "keeps_margin", "own_margin"
+_ARRAYS = "kind", "parameters", "priority", "keeps_margin", "own_margin", "ends"
+_EMPTY = {"kind": layout.NONE, "ends": np.inf}
 _SHAPES = set(SHAPES)
 
 
@@ -51,6 +52,7 @@ class BarrierSet:
         priority: (N, m) 1 is the highest and strict; 0 of no barrier.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) what a speed limit reserves itself [m/s], 0 for the others.
+        ends: (N, m) for how long regions go on moving [s]; of a filter, until when.
         version: (N,) how often each scene was set.
         edits: how often any was.
         own: (scene, place) → a user's own barrier; empty where all are built in.
@@ -77,6 +79,7 @@ class BarrierSet:
         self.priority = np.zeros(shape, dtype=np.int64)
         self.keeps_margin = np.zeros(shape)
         self.own_margin = np.zeros(shape)
+        self.ends = np.full(shape, np.inf)
         self.version = np.zeros(len(scenes), dtype=np.int64)
         self.edits = 0
         self.own: dict[tuple[int, int], Barrier] = {}
@@ -104,7 +107,7 @@ class BarrierSet:
             for k in range(m) if places else ():
                 places.pop((i, k), None)
         for name in _ARRAYS:
-            getattr(self, name)[i] = layout.NONE if name == "kind" else 0
+            getattr(self, name)[i] = _EMPTY.get(name, 0)
         self._set(i, listed)
 
     def changed(self, i: int) -> None:
@@ -142,6 +145,7 @@ class BarrierSet:
         for one, k, end in places_of(self.listed[0]):
             if isinstance(one, Shapes) and one.parameters.ndim == 3:
                 self.parameters[:, k:end] = one.parameters
+                self.ends[:, k:end] = one.moves_for
 
     def _set_one(self, i: int, k: int, barrier: Barrier | Shapes) -> int:
         """Put a barrier that is no built-in shape at (scene, place); return the place behind it."""
@@ -151,6 +155,9 @@ class BarrierSet:
         if isinstance(barrier, Shapes):
             self.kind[i, k:end] = barrier.kind
             self.parameters[i, k:end] = barrier.of_plant(i, len(self.kind))
+            self.ends[i, k:end] = (
+                barrier.moves_for if barrier.parameters.ndim == 2 else barrier.moves_for[i]
+            )
             return end
         if isinstance(barrier, SpeedLimit):
             self.own_margin[i, k] = barrier.margin

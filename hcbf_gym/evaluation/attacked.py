@@ -16,7 +16,7 @@ from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.episode import Act, Sample, in_double, samples
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import FIRST_ALARM, Plant, Uncertainty
+from hcbf_gym.models.plant import FIRST_ALARM, Plant, Reason, Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 
@@ -241,7 +241,7 @@ def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
 def alarm_of(info: Info) -> int:
     """Return the `Reason` of an alarm in a filter's report; 0 for none."""
     reason = int(info["safety_filter"]["reason"])
-    return reason if reason >= FIRST_ALARM else 0
+    return reason if FIRST_ALARM <= reason != Reason.UNVERIFIED else 0
 
 
 def _error(env: Any) -> tuple[float, float]:

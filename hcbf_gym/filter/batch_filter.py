@@ -50,6 +50,7 @@ class BatchFilter:
             barriers, states and goals.
         on_alarm: "warn" or "brake", where a plant is not the one that was declared.
         threads: how many cores work at once; the answer is the same.
+        strict: as `wrappers.SafetyFilter` takes it.
         **options: as `wrappers.SafetyFilter` takes them, and `rows`.
 
     Raises:
@@ -81,6 +82,7 @@ class BatchFilter:
         extent: ArrayLike | None = None,
         on_alarm: str = "warn",
         threads: int = 1,
+        strict: str | Mapping[str, object] = "rows",
         **options: Any,
     ):
         input_set = input_sets.read("input_set", input_set)
@@ -94,7 +96,9 @@ class BatchFilter:
             DoubleIntegrator(), _nothing, _nothing, input_set, period=period, goal=None,
             extent=extent, uncertainty=uncertainty,
         )  # fmt: skip
-        settings = FilterSettings(program, rows, guidance, None, None, on_alarm, False, options)
+        settings = FilterSettings(
+            program, rows, guidance, None, None, on_alarm, False, options, strict
+        )
         self._core = FilterCore(plant, input_set, settings, num_envs, count("threads", threads))
         self._barriers: Any = None
         self._scenes: BarrierSet | None = None

@@ -69,7 +69,9 @@ class Bound:
         self.core = _core.Filter(made.words, made.program, samples.words, self._threads)
         if samples.is_apart:
             self.core.set_states(*samples.states)
-        self._scene: tuple[Any, ...] = (None,) * 6
+        if made.gate is not None:
+            self.core.set_laws(made.gate.input)
+        self._scene: tuple[Any, ...] = (None,) * 7
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs, which binds its own arrays."""
@@ -117,12 +119,12 @@ class Bound:
             scene: of the plants.
             own: rows that were made beforehand.
         """
-        kind, parameters, priority, own_margin, atlas, rows = self._scene
+        kind, parameters, priority, own_margin, atlas, ends, rows = self._scene
         same = kind is scene.kind and parameters is scene.parameters and own is rows
         same = same and priority is scene.priority and own_margin is scene.own_margin
-        if not (same and atlas is scene.atlas.numbers):
+        if not (same and atlas is scene.atlas.numbers and ends is scene.ends):
             numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
-            self._scene = *numbers, scene.atlas.numbers, own
+            self._scene = *numbers, scene.atlas.numbers, scene.ends, own
             self.core.set_scene(*self._scene)
         if self._made.solver is None:
             return self.core.filter()
@@ -151,6 +153,8 @@ class Bound:
         sensed["known"] = 0  # or the time of the same sample would not advance
         made = self._made
         asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
+        if made.gate is not None:
+            asked.set_laws(made.gate.input)
         asked.set_scene(*self._scene)
         asked.set_report(*(words.copy() for words in self.words))
         return asked

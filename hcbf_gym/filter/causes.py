@@ -37,6 +37,8 @@ def warn_of(reason: int, count: int, cause: str, brakes: bool) -> None:
     """
     until = "until the next reset" if Reason(reason).lasts else "until that ends"
     does = "brakes" if reason < FIRST_ALARM or brakes else "continues without a promise"
+    if reason == Reason.UNVERIFIED:
+        does = "satisfies the rows of all strict conditions"
     many = "" if count == 1 else f" of {count} plants"
     text = f"{Reason(reason).text}{f' ({cause})' if cause else ''}"
     warn_caller(f"safety filter{many}: {text}; the filter {does} {until}", SafetyWarning)

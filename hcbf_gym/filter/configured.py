@@ -20,7 +20,7 @@ from hcbf_gym.errors import (
     flag,
     warn_caller,
 )
-from hcbf_gym.filter import plants
+from hcbf_gym.filter import gatekeeper, plants
 from hcbf_gym.filter.settings import (
     ROW_OPTIONS,
     FilterSettings,
@@ -52,6 +52,7 @@ class Configured:
         dtype: of the environment's actions.
         words: the numbers of a `plants.CONSTANTS`.
         program: see `plants.constants`.
+        gate: how manoeuvres satisfy strict conditions; None where rows do.
         solver: the program of a solver by name; None for the compiled one.
 
     Raises: as `core.FilterCore`.
@@ -75,6 +76,9 @@ class Configured:
             )
         self.plant, self.input_set, self.settings = plant, input_set, settings
         self.count = count
+        self.gate = gatekeeper.read(settings.strict)
+        if self.gate is not None:
+            gatekeeper.check_plant(plant, settings)
         self._check_axle()
         alphas = alphas_of(settings.options, plant)
         self.alpha1, self.alpha2, self.alpha_speed = alphas.values()
@@ -166,6 +170,7 @@ class Configured:
         numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
         numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
         numbers["observed"] = True
+        numbers |= gatekeeper.constants(self.gate, plant, asked.margin)
         numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
         numbers["settles"] = self.uncertainty.per_velocity if lags else 0.0
         numbers["tracking"] = 0.5 * self.uncertainty.distance if lags else 0.0

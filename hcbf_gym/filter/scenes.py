@@ -23,6 +23,7 @@ from hcbf_gym.errors import (
     SafetyWarning,
     warn_caller,
 )
+from hcbf_gym.filter import gatekeeper
 from hcbf_gym.filter.configured import Configured
 from hcbf_gym.filter.covering import Covering
 from hcbf_gym.filter.model_rows import ModelRows
@@ -186,6 +187,8 @@ class Scenes:
                 period = self._made.plant.period
                 self._needs_time = period is None and self._rows.moves(scene)
                 self.check_limits(scene)
+                if self._made.gate is not None:
+                    gatekeeper.check_scene(scene)
                 self._check_inputs(*self._rows.accept(scene))
         except UNREADABLE as error:
             self.is_refused, self.refusal, self.unread = True, error, error

@@ -35,6 +35,7 @@ class FilterSettings(NamedTuple):
     on_alarm: str | None
     allow_late_inputs: bool
     options: Mapping[str, Any]
+    strict: str | Mapping[str, object] = "rows"
 
 
 def alpha2_of(plant: Plant) -> LinearClassK:

@@ -30,7 +30,7 @@ class Reason(IntEnum):
 
     Below `FIRST_ALARM` the filter brakes for as long as the reason lasts. From there on they are
     alarms: the plant is not the one that was declared. They last until the next reset; MOVES, a
-    reason of the world, is decided at every step.
+    reason of the world, is decided at every step. So is UNVERIFIED, a gatekeeper's, which is none.
     """
 
     text: str
@@ -84,11 +84,16 @@ class Reason(IntEnum):
         "as Disc(…, velocity=(vx, vy)), or the error of its position [m], "
         "Plant(uncertainty=Uncertainty(distance=…))",
     )
+    UNVERIFIED = (
+        14,
+        "no manoeuvre of the gatekeeper satisfies the strict conditions from this state on, as "
+        "after a jump, a reset or a change of regions",
+    )
 
     @property
     def lasts(self) -> bool:
         """Whether it lasts until the next reset."""
-        return FIRST_ALARM <= self != Reason.MOVES
+        return self >= FIRST_ALARM and self not in (Reason.MOVES, Reason.UNVERIFIED)
 
 
 FIRST_ALARM = Reason.INPUT

@@ -55,6 +55,9 @@ class SafetyFilter(
         certificate: a `certificates.Certificate`, the path of its file, or the name of a shipped
             one: rows reserve its margins, and `covered` follows it. None leaves both to the plant,
             which follows a shipped one where there is one.
+        strict: "rows", or "gatekeeper": verified manoeuvres satisfy strict conditions, which bind
+            the input less (``docs/gatekeeper.md``); ``{"kind": "gatekeeper", "directions": 16,
+            "manoeuvres": ["mine"]}`` has more of it. For the planar double integrator.
         **options: `alpha1` (default: the paper's logarithm), `alpha2` and, for speed limits and
             zones, `alpha_speed` (default: a gain of 10/s, at most 0.5/T, and 2/s of other models
             and of bodies that lag), class-K functions as `barriers.class_k.make` reads them; all
@@ -88,10 +91,19 @@ class SafetyFilter(
         on_alarm: str | None = None,
         allow_late_inputs: bool = False,
         certificate: str | Path | Certificate | None = None,
+        strict: str | Mapping[str, object] = "rows",
         **options: Any,
     ):
         settings = FilterSettings(
-            program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options
+            program,
+            rows,
+            guidance,
+            margin,
+            solver,
+            on_alarm,
+            allow_late_inputs,
+            options,
+            strict,
         )
         record_filter(self, env, gym.Env, plant, settings, certificate)
         gym.Wrapper.__init__(self, env)

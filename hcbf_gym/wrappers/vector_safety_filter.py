@@ -54,10 +54,19 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         allow_late_inputs: bool = False,
         certificate: str | Path | Certificate | None = None,
         threads: int = 1,
+        strict: str | Mapping[str, object] = "rows",
         **options: Any,
     ):
         settings = FilterSettings(
-            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options
+            program,
+            rows,
+            guidance,
+            margin,
+            None,
+            on_alarm,
+            allow_late_inputs,
+            options,
+            strict,
         )
         record_filter(self, env, VectorEnv, plant, settings, certificate, threads=threads)
         VectorWrapper.__init__(self, env)

@@ -149,7 +149,9 @@ inline void conclude(const Constants& c, const One& p, double furthest, const Wo
   p.report.proved = 0;
   bool violated = false;
   const bool is_valid = why == 0 || why >= reason::FIRST_ALARM || why == reason::GOAL;
-  if (is_valid) {
+  if (p.report.verified != 0) {
+    p.report.proved = 1;
+  } else if (is_valid) {
     const auto lack =
         shortfall(w.strict, w.rows[H], w.margin[margins::MARGIN], w.margin[margins::USABLE], w.rows[PSI],
                   c.dip, c.tracking, c.rows.alpha1);

@@ -12,7 +12,7 @@
 namespace hcbf::reason {
 
 enum Reason : Index {
-  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES
+  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES, UNVERIFIED
 };
 
 constexpr Index FIRST_ALARM = INPUT;  // below, the filter brakes for as long as the reason lasts
@@ -55,6 +55,35 @@ struct Memory {
 
 }  // namespace hcbf::conclusion
 
+namespace hcbf::gatekeeper {
+
+// A manoeuvre: towards a velocity for so many samples, then to rest; or a law of the user's.
+struct Law {
+  double target[2];  // [m/s]
+  Index samples;     // for how many more
+  Index own;         // 1 + which one of the user's; 0 for none
+  Index begun;       // for how many samples that has been followed
+};
+
+// What is reserved along manoeuvres of one sample; docs/gatekeeper.md derives it.
+struct Reserve {
+  double keep;   // m_keep of regions [m]
+  double ahead;  // m_accept − m_keep at the next sample [m]
+  double drift;  // by how much that grows, and what a speed limit reserves more [m/s]
+  double speed;  // m_keep of speed limits [m/s]
+};
+
+// The manoeuvre that was verified last; `rank` is 0 where there was none since the reset.
+struct Memory {
+  Law law;
+  Reserve reserve;
+  Index rank;   // through which rank it is verified
+  Index sure;   // whether an input was accepted since there was none, so that it goes on from that
+  double lost;  // for how long no state has been valid [s]
+};
+
+}  // namespace hcbf::gatekeeper
+
 // The fields of info["safety_filter"].
 namespace hcbf::report {
 
@@ -70,6 +99,7 @@ struct Plant {  // (n_u,) u_nominal and u_safe stand behind it
   Index covered;        // a `models.plant.Coverage`
   Index covered_by;     // why it is not 1, a `models.plant.CoveredBy`
   Index proved;         // 1 where h >= m and psi >= 0 of every strict condition on the position
+  Index verified;       // through which rank a gatekeeper's manoeuvre satisfies the conditions; 0 for none
 };
 
 struct Row {
@@ -114,6 +144,13 @@ struct Constants {
   Index through;  // the highest rank that is relaxed for guidance, 0 for none
   bool brakes;    // whether an alarm makes the filter brake
   bool observed;  // whether states were measured, and are compared here
+  // a gatekeeper
+  bool gates;
+  Index directions;       // into how many its manoeuvres accelerate
+  Index laws;             // how many manoeuvres are the user's
+  double position_error;  // of a state, besides its covariance [m]
+  double velocity_error;  // [m/s]
+  double longest;         // for how long the last manoeuvre goes on without a valid state [s]
 };
 
 // Vectors of length 4 are those of the planar double integrator; those of other models stand beside
@@ -149,6 +186,7 @@ struct Plant {
   Index follows;       // whether the last sample was valid
   Index known;         // whether any was, since the reset
   conclusion::Memory judged;
+  gatekeeper::Memory verified;
   Index alarm;  // a `Reason`, until the next reset
   Index moves;  // whether a region is nearer than its velocity explains
 };
@@ -165,6 +203,7 @@ struct One {
   report::Plant& report;            // written to
   Vector<double> u_nominal, u_safe;  // (n_u,) behind it
   Vector<report::Row> rows;         // (M,) written to; M is m, and one more where guidance has a row
+  Vector<const double> ends{nullptr, 0};  // (m,) when a region's path ends [s]; empty where none does
 };
 
 // N of them, by field.
@@ -178,6 +217,7 @@ struct Plants {
   Records<report::Plant> reports;
   Matrix<report::Row> rows;
   Index n_u;
+  Matrix<const double> ends{nullptr, 0, 0};  // see `One`
 };
 
 // Room for the rows of one plant, and for the program's answer; it grows with the scene and is kept.

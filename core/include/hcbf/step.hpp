@@ -13,6 +13,7 @@
 #include <hcbf/cascade.hpp>
 #include <hcbf/conclusion.hpp>
 #include <hcbf/constants.hpp>
+#include <hcbf/gatekeeper.hpp>
 #include <hcbf/general_rows.hpp>
 #include <hcbf/guidance_row.hpp>
 #include <hcbf/map_rows.hpp>
@@ -34,6 +35,7 @@ enum Answer : Index { DONE, NOT_FINITE, MISSHAPED, ASKS };
 struct Room {
   Work work;
   map_rows::Pieces map;
+  manoeuvres::Own laws{};  // the user's manoeuvres
 };
 
 // Returns what is wrong with the arrays, `DONE` for nothing; nothing is written. Scenes are to be of as many
@@ -49,6 +51,7 @@ inline Answer check(const Constants& c, const Plants& p) {
     return MISSHAPED;
   if (p.priority.rows != count || p.priority.columns != m) return MISSHAPED;
   if (p.own_margin.rows != count || p.own_margin.columns != m) return MISSHAPED;
+  if (p.ends.rows > 0 && (p.ends.rows != count || p.ends.columns != m)) return MISSHAPED;
   for (Index k = 0; k < count * m; ++k) {
     const Index rank = p.priority.data[k];
     const bool is_none = p.kind.data[k] == layout::NONE;
@@ -63,7 +66,8 @@ inline One plant_of(const Plants& p, Index i) {
   return {p.kind[i], p.parameters[i], p.priority[i], p.own_margin[i],
           p.own.layers > 0 ? p.own[i] : Matrix<const double>{nullptr, 0, 0},
           p.sensed[i], {behind, p.n_u}, {behind + p.n_u, p.n_u},
-          p.reports[i], {reported, p.n_u}, {reported + p.n_u, p.n_u}, p.rows[i]};
+          p.reports[i], {reported, p.n_u}, {reported + p.n_u, p.n_u}, p.rows[i],
+          p.ends.rows > 0 ? p.ends[i] : Vector<const double>{nullptr, 0}};
 }
 
 // Returns the program of plant i; `numbers` holds the corners of U, and behind them the weights of all
@@ -254,8 +258,8 @@ inline void close(const Constants& c, const Settings& settings, bool answered, c
   conclusion::conclude(c, p, give(c, p, w.answer.u), w);
 }
 
-// Brings a plant to rest whose state is not valid.
-inline void brake(const Constants& c, Settings settings, const One& p) {
+// Brings a plant to rest whose state is not valid, or lets a gatekeeper's manoeuvre go on.
+inline void brake(const Constants& c, Settings settings, const One& p, const manoeuvres::Own& laws) {
   double corners[8];
   if (c.drives) {
     settings.vertices = axle_step::corners(c, p, corners);
@@ -263,6 +267,7 @@ inline void brake(const Constants& c, Settings settings, const One& p) {
   }
   p.plant.follows = 0;
   wish_to_stop(c, settings, p, p.u_safe);
+  if (c.gates) gatekeeper::go_on(c, settings, p, laws, p.u_safe);
   give(c, p, p.u_safe);
   p.report.model_error = std::sqrt(p.plant.inputs.error), p.report.reachable = p.report.fallbacks = 0.0;
   p.report.status = program_records::BACKUP, p.report.proved = 0;
@@ -273,11 +278,11 @@ inline void brake(const Constants& c, Settings settings, const One& p) {
 }
 
 // Returns whether the state of a plant is valid, so that its problem can be posed; else it is brought to rest.
-inline bool is_posed(const Constants& c, const Settings& program, const One& p) {
+inline bool is_posed(const Constants& c, const Settings& program, const One& p, const manoeuvres::Own& laws) {
   if (p.own.rows == 0 && !c.made) p.report.reason = state_check::check(p.plant, p.input);
   if (p.report.reason == 0) return true;
   if (c.drives) axle_step::carry_on(c.axle, p.plant);
-  brake(c, program, p);
+  brake(c, program, p, laws);
   return false;
 }
 
@@ -285,19 +290,25 @@ inline bool is_posed(const Constants& c, const Settings& program, const One& p) 
 // without a map.
 inline bool filter(const Constants& c, const Settings& program, const One& given, Vector<const double> atlas,
                    Room& room) {
-  if (!is_posed(c, program, given)) return true;
+  if (!is_posed(c, program, given, room.laws)) return true;
   const bool on_map = atlas.size > 0;
   if (on_map) map_rows::find(c, given, atlas, room.map);
   const One p = on_map ? map_rows::with_pieces(given, room.map) : given;
   Work& w = room.work;
   const Settings settings = pose(c, program, p, w);
   w.answer.fallbacks = 0;
-  w.answer.status = cascade::filter_state<double>(
-      settings, polygon::points(settings.vertices[0]), settings.weights[0], {w.u[0], w.u[1]},
-      {w.a, w.rows[B], w.rows[H], w.priority, w.rows[ALPHA2_PSI]}, w.answer.u, w.answer.slack, w.answer.delta,
-      w.polygons);
-  if (c.drives && p.report.reason == 0) axle_step::slide(c, settings, p, w);
-  close(c, settings, true, p, w);
+  if (c.gates) {
+    const gatekeeper::Answer through = gatekeeper::filter(c, settings, p, room.laws, w);
+    close(c, settings, true, p, w);
+    gatekeeper::conclude(through, p);
+  } else {
+    w.answer.status = cascade::filter_state<double>(
+        settings, polygon::points(settings.vertices[0]), settings.weights[0], {w.u[0], w.u[1]},
+        {w.a, w.rows[B], w.rows[H], w.priority, w.rows[ALPHA2_PSI]}, w.answer.u, w.answer.slack, w.answer.delta,
+        w.polygons);
+    if (c.drives && p.report.reason == 0) axle_step::slide(c, settings, p, w);
+    close(c, settings, true, p, w);
+  }
   if (on_map) map_rows::merge(room.map, given);
   return p.report.reason != 0;
 }
