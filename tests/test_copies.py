@@ -34,7 +34,12 @@ class Env(NamedTuple):
         out = []
         for _ in range(steps):
             observation, reward, *_, info = self.env.step(self.u)
-            out += [observation, reward, info["safety_filter"]["u_safe"], info["safety_filter"]["h"]]
+            out += [
+                observation,
+                reward,
+                info["safety_filter"]["u_safe"],
+                info["safety_filter"]["h"],
+            ]
         return out
 
 
