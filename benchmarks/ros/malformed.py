@@ -17,7 +17,8 @@ from PIL import Image
 from hcbf_gym.errors import HcbfError
 from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.parameter import Numbers, Parameter, Texts
-from hcbf_robots.ros.parameters import GRIDS, Settings, by_name, read
+from hcbf_robots.ros.parameters import by_name, read
+from hcbf_robots.ros.settings import GRIDS, Settings
 from hcbf_robots.walkers.walker_response import Response
 
 Rng = np.random.Generator

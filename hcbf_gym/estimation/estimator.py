@@ -1,12 +1,25 @@
-"""The estimator: from the true state, through the sensors, to the robot's estimate."""
+r"""The estimator: from the true state, through the sensors, to the robot's estimate.
+
+One Kalman filter serves both axes of the plane: they have the same model and the same noise, so
+that they share one covariance. The state of an axis is [p, v, d, a, s]: position [m], velocity
+[m/s], drift of the position fix [m], error of the measured acceleration [m/s²] and slip of the
+stance feet [m/s]. With the timestep Δ, the measured acceleration α and white noises w,
+
+.. math::
+    v' = v + Δ (α + w_α - a), \quad p' = p + Δ v', \quad e' = k e + \sqrt{1 - k^2} σ w_e
+
+for each slow error e of d, a, s, with k = exp(-Δ/τ) and its standard deviation σ. Both corrections
+measure a sum of two entries: a fix z = p + d + w, and the leg odometry z = v + s + w. The equations
+are in `core/include/hcbf/kalman.hpp`, one tick of all of them in `estimation_tick.hpp`.
+"""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, packed, record_type
+from hcbf_gym.arrays import Array, Record, Records, record_type, words_of
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.estimation import sensors
 from hcbf_gym.estimation.sensors import Sensors
@@ -15,8 +28,7 @@ from hcbf_gym.locomotion.state import STATE_SIZE
 from hcbf_gym.models.constants import GRAVITY
 
 AXIS = 5
-"""Entries of an axis's state [p, v, d, a, s]: position, velocity, drift of the fix, error of the
-acceleration, slip of the feet."""
+"""Entries of an axis's state [p, v, d, a, s]."""
 P, V, D, A, S = range(AXIS)
 
 SETTINGS = record_type("estimation_tick.Settings")
@@ -31,17 +43,16 @@ a stance of 0.13 s."""
 STANDING = 1.0
 """Time for which fixes were averaged at rest when an episode begins [s]."""
 
-_DIAGONAL, _ACROSS = np.arange(4), np.array([2, 3, 0, 1])  # of position against velocity
-
-BLOCK = 64  # ticks whose noise is drawn at once
+BLOCK = 64
+"""Ticks whose noise is drawn at once."""
 
 
 class PlanarEstimate(NamedTuple):
     """The estimate of the trunk in the plane.
 
     Attributes:
-        x: (4,) position [m] and velocity [m/s].
-        covariance: (4, 4) of x.
+        x: (4,) position x, y [m] and velocity x, y [m/s].
+        covariance: (4, 4) of the error of x.
         yaw: heading [rad].
     """
 
@@ -74,9 +85,8 @@ class Estimator:
     ) -> None:
         self.sensors = sensors.make(source)
         dt = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
-        delay = round(self.sensors.delay / dt)
-        settings = _settings(self.sensors, legs, foot_radius, dt, delay)
-        self._compiled = _core.EstimationTick(packed(settings, SETTINGS))
+        settings = _settings(self.sensors, legs, foot_radius, dt)
+        self._compiled = _core.EstimationTick(words_of(settings))
         self._yaw_error = self.sensors.yaw
         self._rng: np.random.Generator | None = None
         self._drawn = BLOCK
@@ -113,16 +123,30 @@ class Estimator:
 
     @property
     def estimate(self) -> PlanarEstimate:
-        """The estimate after the latest tick."""
-        mean = self._compiled.mean
-        of_axis, mixed = self._compiled.covariance[:2, :2]
-        turned = self._yaw_error * mean[:2, 2:].ravel()
-        covariance = np.outer(turned, turned)
-        covariance[_DIAGONAL, _DIAGONAL] += of_axis[0], of_axis[0], mixed[1], mixed[1]
-        covariance[_DIAGONAL, _ACROSS] += of_axis[1]
+        r"""The estimate after the latest tick.
+
+        Its covariance is :math:`P ⊗ I_2 + σ_ψ^2 g g^⊤`: the covariance P (2, 2) of position and
+        velocity along either axis, and the heading's standard deviation σ_ψ [rad] times the
+        derivative g (4,) of x by an error of the heading, which turns what was measured.
+        """
+        mean, axis = self._compiled.mean, self._compiled.covariance
+        by_heading = self._yaw_error * mean[:2, 2:].ravel()  # σ_ψ g: columns 2 and 3 are g's x, y
+        pp, pv, vv = axis[P, P], axis[P, V], axis[V, V]
+        covariance = np.outer(by_heading, by_heading)
+        covariance += (
+            (pp, 0.0, pv, 0.0),
+            (0.0, pp, 0.0, pv),
+            (pv, 0.0, vv, 0.0),
+            (0.0, pv, 0.0, vv),
+        )
         return PlanarEstimate(mean[:2, :2].ravel(), covariance, self._compiled.yaw)
 
     def _next_noise(self) -> int:
+        """Return the row of the drawn noise that the next tick takes; draw a block if it is used.
+
+        Raises:
+            InvalidInputError: before the first reset.
+        """
         if self._rng is None:
             raise InvalidInputError("estimator: got a tick, expected a reset first")
         if self._drawn >= BLOCK:
@@ -132,41 +156,49 @@ class Estimator:
         return self._drawn - 1
 
 
-def _settings(
-    chosen: Sensors, legs: LegGeometry, foot_radius: float, dt: float, delay: int
-) -> tuple[Any, ...]:
-    """Return the fields of a `SETTINGS` record."""
-    from scipy.special import ndtri  # wheels have no feet
+def _settings(sensed: Sensors, legs: LegGeometry, foot_radius: float, dt: float) -> Records:
+    """Return the record (1,) of `SETTINGS` for sensors that are read every dt [s]."""
+    record = np.zeros(1, dtype=SETTINGS)
+    record["legs"] = legs
+    _set_noise(record["errors"][0], record["model"][0], sensed, dt)
+    record["foot_radius"] = foot_radius
+    record["settled"] = max(round(SETTLING / dt), 1)  # the next three count ticks
+    record["period"] = max(round(1.0 / (sensed.rate * dt)), 1)
+    record["delay"] = round(sensed.delay / dt)
+    fixes_at_rest = max(sensed.rate * STANDING, 1.0)
+    record["start"] = sensed.noise**2 / fixes_at_rest  # the variance of their mean
+    return record
 
-    half_band = 0.5 / dt  # [Hz] that readings at this rate let through
-    keep_drift, keep_rotation, keep_slip = np.exp(
-        -dt / np.array([chosen.drift_time, chosen.orientation_time, chosen.slip_time])
-    ).tolist()
-    keep, variance = np.ones(AXIS), np.zeros(AXIS)
-    keep[[D, A, S]] = keep_drift, keep_rotation, keep_slip
-    variance[[D, A, S]] = (
-        chosen.drift**2,
-        (GRAVITY * chosen.tilt) ** 2,
-        chosen.slip**2 + SLIPPING**2,
-    )
-    model = (dt, keep, variance, chosen.noise**2)
-    errors = (
-        dt,
-        chosen.noise,
-        chosen.drift,
-        keep_drift,
-        [chosen.tilt, chosen.tilt, chosen.yaw],
-        keep_rotation,
-        chosen.slip,
-        keep_slip,
-        chosen.gyroscope * np.sqrt(half_band),
-        chosen.accelerometer * np.sqrt(half_band),
-        chosen.encoder,
-        np.sqrt(2.0) * chosen.encoder / dt,
-        ndtri(1.0 - chosen.contact),
-    )
-    period = max(round(1.0 / (chosen.rate * dt)), 1)
-    settled = max(round(SETTLING / dt), 1)
-    fixes = max(chosen.rate * STANDING, 1.0)
-    first = chosen.noise**2 / fixes
-    return model, errors, legs, foot_radius, settled, period, delay, first
+
+def _set_noise(errors: Record, model: Record, sensed: Sensors, dt: float) -> None:
+    """Fill in what the simulated sensors err by, and what the filter assumes of it.
+
+    The densities of white noise n [unit/√Hz] become σ = n √(1 / 2Δ), as a reading every Δ has the
+    band up to 1/(2Δ). A joint's rate is the difference of two angles over Δ, hence √2 σ/Δ.
+    """
+    from scipy.special import ndtri  # imported here: robots without feet start faster
+
+    half_band = 0.5 / dt  # [Hz]
+    times = np.array([sensed.drift_time, sensed.orientation_time, sensed.slip_time])
+    keep_drift, keep_rotation, keep_slip = np.exp(-dt / times).tolist()
+
+    errors["timestep"] = dt
+    errors["fix"] = sensed.noise
+    errors["drift"] = sensed.drift
+    errors["keep_drift"] = keep_drift
+    errors["rotation"] = sensed.tilt, sensed.tilt, sensed.yaw
+    errors["keep_rotation"] = keep_rotation
+    errors["slip"] = sensed.slip
+    errors["keep_slip"] = keep_slip
+    errors["gyroscope"] = sensed.gyroscope * np.sqrt(half_band)
+    errors["accelerometer"] = sensed.accelerometer * np.sqrt(half_band)
+    errors["angle"] = sensed.encoder
+    errors["rate"] = np.sqrt(2.0) * sensed.encoder / dt
+    errors["contact"] = ndtri(1.0 - sensed.contact)  # a normal number is above it so often
+
+    model["timestep"] = dt
+    model["fix"] = sensed.noise**2
+    model["keep"] = 1.0, 1.0, keep_drift, keep_rotation, keep_slip
+    from_tilt = (GRAVITY * sensed.tilt) ** 2  # a tilt leaves a share of gravity
+    from_slip = sensed.slip**2 + SLIPPING**2
+    model["variance"] = 0.0, 0.0, sensed.drift**2, from_tilt, from_slip

@@ -203,7 +203,7 @@ def judge(
         counts[int(report["status"])] += 1
         margins.append(report["margin"][now.position].max())
         changed = changed or bool(report["intervention"] > 1e-3)
-        pressed = pressed or vacuity.pressed(
+        pressed = pressed or vacuity.prevents_entry(
             model, input_set, before.x, before.time, before.along, report
         )
     info = sample.info

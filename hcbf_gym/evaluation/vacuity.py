@@ -1,4 +1,10 @@
-"""Whether an episode tests rank 1: what u* would have done, and what the filter did."""
+r"""Whether an episode tests the conditions of rank 1: what u* would have done without the filter.
+
+Of a plant's conditions, these functions read the strict ones on the position, h (m,): a state is
+inside one of their regions where an entry of h is negative. A step *prevents an entry* if the
+filter changed the nominal input u*, and u*, held for at most a second, would have led inside. An
+episode without such a step shows nothing of the filter: any filter would have passed it.
+"""
 
 from collections.abc import Callable
 
@@ -9,17 +15,20 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-AHEAD = (0.25, 0.5, 0.75, 1.0)  # when a held u* may have entered [s]
+HELD = (0.25, 0.5, 0.75, 1.0)
+"""Times for which u* is held before the state is looked at [s]."""
 CHANGED = 1e-3
-"""‖u − u*‖ from which the filter has changed an input, as a share of the greatest of U."""
-JUMP = 10.0  # how many times the usual step a step is that no robot makes
-WHOLE = 0.2  # and what share of all that h went through in the episode
+"""‖u − u*‖ above which the filter has changed an input, as a share of the greatest ‖u‖ in U."""
+USUAL_STEPS = 10.0
+"""A jump is longer than so many usual steps."""
+SHARE_OF_RANGE = 0.2
+"""A jump is longer than this share of the range that h covered in the episode."""
 
 Strict = Callable[[Array, Array], Array]
 """(x (j, n), t (j,)) → (j, m) the strict h's on the position."""
 
 
-def pressed(
+def prevents_entry(
     model: ReducedOrderModel,
     input_set: InputSet,
     x: Array,
@@ -27,43 +36,58 @@ def pressed(
     strict: Strict,
     report: Info,
 ) -> bool:
-    """Return whether the filter changed an input that would have entered rank 1 within a second.
+    """Return whether the filter changed an input that would have led inside within a second.
+
+    With φ_s(x, u) the model's state after an input u held for s seconds, and u* cut to U, it is
+
+        ‖u − u*‖ > `CHANGED` max ‖U‖  and  min h(φ_s(x, u*), t + s) < 0 for an s in `HELD`.
 
     Args:
         model: of the plant.
-        input_set: U, to which u* is cut.
+        input_set: U.
         x: (n,) the state before the step.
-        time: [s].
-        strict: h's.
+        time: t of that state [s].
+        strict: the conditions h.
         report: of the filter for this step.
     """
     if not report["intervention"] > CHANGED * input_set.radius:
         return False
-    wanted = input_set.project(np.asarray(report["u_nominal"], dtype=np.float64))
-    path = np.array([model.step(x, wanted, s) for s in AHEAD])
-    return bool((strict(path, time + np.array(AHEAD)) < 0.0).any())
+    nominal = input_set.project(np.asarray(report["u_nominal"], dtype=np.float64))
+    states = np.array([model.step(x, nominal, duration) for duration in HELD])
+    return bool((strict(states, time + np.array(HELD)) < 0.0).any())
 
 
-def check_jumps(source: str, went: list[Array], expected: list[Array]) -> None:
-    """Refuse an episode whose environment resets itself, so that the state jumps.
+def check_jumps(source: str, observed: list[Array], predicted: list[Array]) -> None:
+    r"""Refuse an episode whose environment resets itself, so that the state jumps.
+
+    Sample k shows h_k, and step k should lead to the model's prediction ĥ_k of h_{k+1}. With the
+    errors e_k = ‖h_{k+1} − ĥ_k‖_∞ and the changes c_k = ‖h_{k+1} − h_k‖_∞, step k jumps if
+
+    .. math:: e_k > \max(10 \max(\mathrm{med}\, e, \mathrm{med}\, c),
+                        0.2 \max_i (\max_k h_{k,i} - \min_k h_{k,i}))
+
+    where 10 is `USUAL_STEPS` and 0.2 is `SHARE_OF_RANGE`. Episodes of fewer than three steps are
+    accepted, as their medians show nothing.
 
     Args:
-        source: of the environment.
-        went: of each sample (m,) strict h's on the position.
-        expected: of each step (m,) where the model would have been.
+        source: of the environment, for the message.
+        observed: (m,) h of each of the K + 1 samples.
+        predicted: (m,) ĥ of each of the K steps.
 
     Raises:
-        InvalidInputError: if there is a step that no robot makes.
+        InvalidInputError: if the step of the greatest error jumps.
     """
-    if len(expected) < 3:
+    if len(predicted) < 3:
         return
-    h = np.array(went)
-    off = np.abs(h[1:] - np.array(expected)).max(axis=1)
-    usual = max(np.median(off), np.median(np.abs(np.diff(h, axis=0)).max(axis=1)))
-    k = int(off.argmax())
-    if off[k] > max(JUMP * usual, WHOLE * np.ptp(h, axis=0).max()):
+    h = np.array(observed)
+    errors = np.abs(h[1:] - np.array(predicted)).max(axis=1)
+    changes = np.abs(np.diff(h, axis=0)).max(axis=1)
+    usual = max(np.median(errors), np.median(changes))
+    covered = np.ptp(h, axis=0).max()
+    k = int(errors.argmax())
+    if errors[k] > max(USUAL_STEPS * usual, SHARE_OF_RANGE * covered):
         raise InvalidInputError(
-            f"{source}: got a state that jumps in step {k + 1}, by {off[k]:.3g} in h where "
+            f"{source}: got a state that jumps in step {k + 1}, by {errors[k]:.3g} in h where "
             f"{usual:.3g} is usual, expected an episode that ends (terminated or truncated) rather "
             "than an environment that resets itself"
         )

@@ -1,4 +1,8 @@
-"""Beside the learning: reports with checkpoints, and learning from filtered actions."""
+"""Callbacks of Stable-Baselines3 (SB3): reports with checkpoints, and learning what was applied.
+
+A *decision* is one action of one environment. The *curve* of a run is the list of its reports so
+far: each has the decisions ("steps"), the time of training [s] and the figures of `export.Report`.
+"""
 
 import time
 from collections.abc import Callable
@@ -7,22 +11,28 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecNormalize
 
 from hcbf_gym.training import checkpoint
 from hcbf_gym.training.config import HELD_OUT, TrainingConfig, make_vector
 from hcbf_gym.training.export import export, report
 
+REPORT_SEED = HELD_OUT // 2
+"""Seed of the first scene of a report. Training has the seeds from `HELD_OUT` on, and evaluations
+count from 0: in the middle, the scenes that choose the best policy are those of neither."""
+
 
 class Reports(BaseCallback):
-    """Evaluates on held-out scenes, keeps the best policy, and leaves a checkpoint each time.
+    """Evaluates the policy on held-out scenes, keeps the best one, and saves a checkpoint.
 
     Args:
         config: of the run.
-        folder: of the run; `policy.npz` in it is the best one so far.
+        folder: of the run; `policy.npz` in it is the best policy so far.
         curve: the reports so far, extended in place.
         about: how the policy is trained, which is exported with it.
-        show: called with the decisions so far at every rollout.
+        show: called with the decisions so far and the curve at every rollout.
     """
 
     def __init__(
@@ -36,9 +46,9 @@ class Reports(BaseCallback):
         super().__init__()
         self._config, self._folder, self._curve = config, folder, curve
         self._about, self._show = about, show
-        self._spent = curve[-1]["seconds_spent"] if curve else 0.0
-        self._since = time.monotonic()
-        self._due = self._curve[-1]["steps"] + config.report_every if curve else config.report_every
+        self._spent_before = curve[-1]["seconds_spent"] if curve else 0.0  # of a resumed run [s]
+        self._began = time.monotonic()
+        self._due = config.report_every + (curve[-1]["steps"] if curve else 0)
 
     def _on_step(self) -> bool:
         return True
@@ -54,44 +64,60 @@ class Reports(BaseCallback):
         self._show(self.num_timesteps, self._curve)
 
     def report(self) -> None:
-        """Evaluate, log, keep the policy if it is the best, and leave a checkpoint."""
+        """Evaluate the policy, log the result, keep the best policy, and save a checkpoint."""
         config = self._config
-        env = self.model.get_vec_normalize_env()
-        assert env is not None
-        policy = export(self.model, env, self._about | {"steps": self.num_timesteps})
-        env = make_vector(
+        about = self._about | {"steps": self.num_timesteps}
+        policy = export(self.model, _normalized(self), about)
+        held_out = make_vector(
             config.scenario, config.report_episodes, config.in_the_loop, config.guidance
         )
-        result = report(policy, env, HELD_OUT // 2)._asdict()
+        result = report(policy, held_out, REPORT_SEED)._asdict()
         for name, value in result.items():
             self.logger.record(f"held_out/{name}", value)
-        best = max(((p["success"], p["returns"]) for p in self._curve), default=(-1.0, 0.0))
-        if (result["success"], result["returns"]) >= best:
+        if self._is_best(result):
             policy.save(self._folder / "policy.npz")
-        spent = self._spent + time.monotonic() - self._since
+        spent = self._spent_before + time.monotonic() - self._began
         self._curve.append({"steps": self.num_timesteps, "seconds_spent": spent, **result})
         self._due = self.num_timesteps + config.report_every
         checkpoint.save(self._folder, config, self.model, self._curve)
 
+    def _is_best(self, result: dict[str, float]) -> bool:
+        """Return whether no report before has a greater success or, at the same, return."""
+        before = [(one["success"], one["returns"]) for one in self._curve]
+        return all((result["success"], result["returns"]) >= score for score in before)
+
 
 class LearnFromFiltered(BaseCallback):
-    """Replaces the action that the algorithm remembers by what the filter made of it.
+    """Replaces the action that the algorithm stores by the one that the filter made of it.
 
-    PPO's log-probability is taken anew for that action, so that its ratio starts at one.
+    SB3 calls `_on_step` between a step and its storage, with the local variables of
+    `collect_rollouts` in `self.locals`. Their arrays are stored afterwards, so that writing into
+    them changes what is learned from. PPO's log-probability is computed for the new action, so that
+    its ratio π_new(a|s) / π_old(a|s) starts at one.
     """
 
     def _on_step(self) -> bool:
-        env = self.model.get_vec_normalize_env()
-        assert env is not None
-        applied = env.venv.applied.astype(np.float32)  # type: ignore[attr-defined]
+        environments: Any = _normalized(self).venv  # `Sb3VecEnv`
+        applied = environments.applied.astype(np.float32)  # (N, 2)
         if "log_probs" in self.locals:
-            self.locals["actions"][:] = applied
-            with torch.no_grad():
-                policy, observation = self.model.policy, self.locals["obs_tensor"]
-                _, log_probability, _ = policy.evaluate_actions(  # type: ignore[operator]
-                    observation, torch.as_tensor(applied)
-                )
-            self.locals["log_probs"][:] = log_probability
-        else:
-            self.locals["buffer_actions"][:] = applied
+            self._replace_on_policy(applied)
+        else:  # `OffPolicyAlgorithm`: SAC and TD3
+            self.locals["buffer_actions"][:] = applied  # (N, 2), for the replay buffer
         return True
+
+    def _replace_on_policy(self, applied: NDArray[np.float32]) -> None:
+        """Write into the locals of `OnPolicyAlgorithm`, PPO's base, for the rollout buffer."""
+        policy: Any = self.model.policy
+        with torch.no_grad():
+            _, log_probability, _ = policy.evaluate_actions(
+                self.locals["obs_tensor"], torch.as_tensor(applied)
+            )
+        self.locals["actions"][:] = applied  # (N, 2)
+        self.locals["log_probs"][:] = log_probability  # (N,)
+
+
+def _normalized(callback: BaseCallback) -> VecNormalize:
+    """Return the training environments, which `make_env` has normalised."""
+    env = callback.model.get_vec_normalize_env()
+    assert env is not None
+    return env

@@ -24,7 +24,8 @@ from hcbf_robots.ros import filters, sources
 from hcbf_robots.ros.decisions import Action, Decision, Level
 from hcbf_robots.ros.localization import Localization
 from hcbf_robots.ros.observed import Source
-from hcbf_robots.ros.parameters import Settings, by_name
+from hcbf_robots.ros.parameters import by_name
+from hcbf_robots.ros.settings import Settings
 from hcbf_robots.ros.sources import Beams, Entries
 from hcbf_robots.ros.watches import ClockWatch, Fault, Now, Watch
 

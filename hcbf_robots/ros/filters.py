@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from hcbf_robots.online import Command, Response, Robot, VelocityFilter
 from hcbf_robots.online.robot import known_of
 from hcbf_robots.ros.parameter import naming
-from hcbf_robots.ros.parameters import Settings
+from hcbf_robots.ros.settings import Settings
 
 HELD = 1.3
 """Periods of the node for which the filter's rows hold: timers and messages jitter."""

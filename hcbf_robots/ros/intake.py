@@ -14,8 +14,8 @@ from sensor_msgs.msg import LaserScan
 from hcbf_gym.errors import HcbfError, InvalidInputError
 from hcbf_robots.ros import messages, optional, sources
 from hcbf_robots.ros.core import NodeCore
-from hcbf_robots.ros.parameters import SourceSettings
 from hcbf_robots.ros.running import LATCHED, MASK, RELIABLE, SENSOR
+from hcbf_robots.ros.settings import SourceSettings
 from hcbf_robots.ros.sources import Entries
 from hcbf_robots.ros.watches import Now
 from hcbf_robots.ros.worker import Worker

@@ -16,7 +16,7 @@ from hcbf_gym.errors import InvalidInputError, shown
 from hcbf_gym.filter.samples import real_numbers
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_robots.online.sample import placed
-from hcbf_robots.ros.parameters import Settings
+from hcbf_robots.ros.settings import Settings
 from hcbf_robots.ros.watches import Fault, Now, Watch
 
 EXPECTED = f"expected three finite numbers of at most {FARTHEST:g}, and a quaternion of the norm 1"

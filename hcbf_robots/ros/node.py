@@ -33,9 +33,10 @@ from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.decisions import Decision
 from hcbf_robots.ros.intake import Intake
 from hcbf_robots.ros.parameter import Parameter
-from hcbf_robots.ros.parameters import Settings, by_name, read
+from hcbf_robots.ros.parameters import by_name, read
 from hcbf_robots.ros.reporting import Reporter
 from hcbf_robots.ros.running import RELIABLE, SENSOR
+from hcbf_robots.ros.settings import Settings
 from hcbf_robots.ros.watches import Now
 
 NAME = "hcbf_filter"

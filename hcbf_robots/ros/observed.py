@@ -14,7 +14,7 @@ from hcbf_robots.maps import Scan, nav2
 from hcbf_robots.online.sample import placed
 from hcbf_robots.ros import sources
 from hcbf_robots.ros.parameter import naming
-from hcbf_robots.ros.parameters import PLACES, Settings, SourceSettings
+from hcbf_robots.ros.settings import PLACES, Settings, SourceSettings
 from hcbf_robots.ros.sources import Entries
 from hcbf_robots.ros.watches import Now, Watch
 

@@ -17,9 +17,9 @@ from sensor_msgs.msg import LaserScan
 
 from hcbf_robots.maps import nav2
 from hcbf_robots.ros import messages, running
-from hcbf_robots.ros.parameters import stamped_by_default
 from hcbf_robots.ros.robot import BEAMS, FARTHEST_BEAM, NEAREST_BEAM, SimulatedRobot
 from hcbf_robots.ros.running import LATCHED, RELIABLE, SENSOR
+from hcbf_robots.ros.settings import stamped_by_default
 
 PERIOD = 0.02
 """Of the odometry [s]."""

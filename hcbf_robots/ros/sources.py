@@ -18,7 +18,7 @@ from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan, points_of, reading
 from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.maps.scan import REACH, reserved
 from hcbf_robots.online.sample import placed
-from hcbf_robots.ros.parameters import SourceSettings
+from hcbf_robots.ros.settings import SourceSettings
 
 Entries = tuple[Barrier | Several, ...]
 """What a source adds to the barriers; () where it shows nothing."""

@@ -16,7 +16,7 @@ from hcbf_gym.models.clocks import AHEAD
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import VelocityFilter, Walker
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.ros.parameters import Settings
+from hcbf_robots.ros.settings import Settings
 from hcbf_robots.ros.watches import Now, Watch
 from tests.robots.walkers import LEARNED
 

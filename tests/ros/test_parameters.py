@@ -7,8 +7,9 @@ import pytest
 
 from benchmarks.ros import malformed
 from hcbf_gym.errors import InvalidInputError
-from hcbf_robots.ros import parameters
-from hcbf_robots.ros.parameters import Settings, SourceSettings, read
+from hcbf_robots.ros import parameter
+from hcbf_robots.ros.parameters import read
+from hcbf_robots.ros.settings import Settings, SourceSettings
 
 PAGE = Path(__file__).parents[2] / "docs" / "ros.md"
 CART = {"max_forward": 0.5, "max_turn": 1.0, "look_ahead": 0.2}
@@ -102,7 +103,7 @@ def table_of(of):
     """Return the table of a page."""
     lines = ["| parameter | default | |", "|---|---|---|"]
     before = "<source>." if of is SourceSettings else ""
-    for one in parameters.table(of):
+    for one in parameter.table(of):
         default = f"`{json.dumps(one.default)}`"
         if one.name == "enable_stamped_cmd_vel":
             default = "of the distribution"
