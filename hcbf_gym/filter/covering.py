@@ -5,7 +5,7 @@ import numpy as np
 from hcbf_gym.arrays import Integers, Mask, Records
 from hcbf_gym.certificates import Judged, of_another_version, warn_of_version
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.filter.certified import Earned
+from hcbf_gym.filter.certified import CertificateCoverage
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
 PLAIN = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
@@ -20,7 +20,7 @@ class Covering:
     """
 
     def __init__(self, plant: Plant, count: int):
-        self._shown = isinstance(plant.covered, Earned)
+        self._shown = isinstance(plant.covered, CertificateCoverage)
         self.is_new = True
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._why: Integers = np.zeros(count, dtype=np.int64)
