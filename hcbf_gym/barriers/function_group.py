@@ -15,37 +15,22 @@ from hcbf_gym.errors import InvalidInputError
 
 
 class Instant(NamedTuple):
-    """K states, one for each scene of a group, and the margins of its k functions there.
+    """K states, one for each scene of a group, and the margins of its k functions there."""
 
-    Attributes:
-        x: (K, n) states.
-        t: (K,) times [s].
-        margin: (K, k) what each row reserves between h and zero.
-        margin_rate: (K, k) d margin/dt.
-    """
-
-    x: Array
-    t: Array
-    margin: Array
-    margin_rate: Array
+    x: Array  # (K, n)
+    t: Array  # (K,) [s]
+    margin: Array  # (K, k) what each row reserves between h and zero
+    margin_rate: Array  # (K, k) d margin/dt
 
 
 class Group(NamedTuple):
-    """k functions of the same signatures, at the same places of K scenes.
+    """k functions of the same signatures, at the same places of K scenes."""
 
-    Attributes:
-        scenes: (K,) the scenes by their numbers, of N.
-        places: (k,) the places of the functions in each of them, of m.
-        kernel: their compiled rows.
-        functions: k, those of the first scene.
-        parameters: (K, p) of each scene's functions, one behind another.
-    """
-
-    scenes: Integers
-    places: Integers
+    scenes: Integers  # (K,) which of N
+    places: Integers  # (k,) which of m
     kernel: RowsKernel
-    functions: tuple[Function, ...]
-    parameters: Array
+    functions: tuple[Function, ...]  # k, those of the first scene
+    parameters: Array  # (K, p) of each scene's functions, one behind another
 
     def rows(self, at: Instant) -> Array:
         """Return the rows (K, k, n_u + 5) of K states, whose columns `function_rows` names.
@@ -66,13 +51,9 @@ class Group(NamedTuple):
         return out
 
     def rows_beside(self, at: Instant, rows: Array, kinks: Kinks, scenes: Sequence[Flat]) -> Array:
-        """Return rows with those that are not finite made of the derivatives beside their states.
+        """Return rows (K, k, n_u + 5) with those that are not finite taken beside their states.
 
-        Args:
-            at: the states.
-            rows: (K, k, n_u + 5) as `rows` returned them.
-            kinks: which finds the states beside.
-            scenes: the barriers of all N scenes, whose names are in warnings.
+        `scenes` has the barriers of all N, whose names are in warnings.
         """
         rows = rows.copy()
         for j, k in np.argwhere(~np.isfinite(rows).all(axis=2)):

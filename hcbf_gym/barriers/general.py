@@ -190,10 +190,9 @@ class GeneralRows:
                 _core.recover_row(self._alphas, self._most(row[WIDTH:]), row)
 
     def _jets(self, scenes: Prepared, states: States, kinks: Kinks) -> Array:
-        """Return the jets of users' own classes, as compiled code reads them.
+        """Return (N, m, 3 + 2n + n²) the jets of users' own classes; (N, 0, …) without any.
 
-        Their array is (N, m, 3 + 2n + n²): h, ∂h/∂t, ∂²h/∂t², ∇h, ∂∇h/∂t and ∇²h, and it is
-        (N, 0, …) where there are none.
+        A jet is packed as h, ∂h/∂t, ∂²h/∂t², ∇h, ∂∇h/∂t and ∇²h.
         """
         n, (count, m) = self.model.n, scenes.kind.shape
         jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
@@ -221,11 +220,7 @@ class GeneralRows:
         return is_late
 
     def prepare(self, scenes: Sequence[Conditions]) -> Prepared:
-        """Return the barriers of N scenes with what stays the same while these are the same.
-
-        Raises:
-            InvalidInputError: if no input reaches a barrier.
-        """
+        """Return N scenes with all that stays the same while they hold the same barriers."""
         latest = self._latest  # read once: filters in other threads share these rows
         if latest is None or not latest.is_of(scenes):
             self._latest = latest = prepared(BarrierSet(scenes), self.functions, self.reach)

@@ -27,15 +27,12 @@ SMOOTH = (
 class Kinks:
     """Finds states beside a kink for each of N plants, and warns once of each barrier with one.
 
-    Attributes:
-        u: (n_u,) or (N, n_u) u* of the plants; None where it is not known.
-        first: the plant that index i = 0 means, where rows are made of some of the plants alone.
-        warned: names of the barriers that were warned of.
+    Plants are counted from `first`, so that rows can be made of some of them alone.
     """
 
-    u: Array | None = None
+    u: Array | None = None  # (n_u,) or (N, n_u) u* of the plants; None where it is not known
     first: int = 0
-    warned: set[str] = field(default_factory=set)
+    warned: set[str] = field(default_factory=set)  # names of barriers
 
     def from_plant(self, i: int) -> "Kinks":
         """Return the same with plant i as the first."""

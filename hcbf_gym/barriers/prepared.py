@@ -21,25 +21,15 @@ Conditions = tuple[Barrier, ...]
 
 
 class Prepared(NamedTuple):
-    """The barriers of N scenes, with what stays the same from state to state.
+    """The barriers of N scenes, with what stays the same from state to state."""
 
-    Attributes:
-        scenes: of any model's states; their `priority` is 0 where there is no row.
-        kind: (N, m) as `layout` has it, or `ELSEWHERE` of functions.
-        degree: (N, m) the derivative of h that an input enters first, 1 or 2.
-        groups: the functions among the barriers.
-        custom: the barriers of users' own classes.
-        reaches: how inputs reach the barriers of each scene; one list where all scenes are one.
-        turns: whether an input enters the second derivative of a barrier that is no function.
-    """
-
-    scenes: BarrierSet
-    kind: Integers
-    degree: Integers
-    groups: list[Group]
-    custom: list[Entry]
-    reaches: list[list[Reach]]
-    turns: bool
+    scenes: BarrierSet  # whose `priority` is 0 where there is no row
+    kind: Integers  # (N, m) as `layout` has it, or `ELSEWHERE` of functions
+    degree: Integers  # (N, m) the derivative of h that an input enters first
+    groups: list[Group]  # the functions among the barriers
+    custom: list[Entry]  # the barriers of users' own classes
+    reaches: list[list[Reach]]  # of the barriers of each scene; one list where all scenes are one
+    turns: bool  # whether a barrier that is no function has degree 2
 
     @property
     def built_in(self) -> tuple[Integers, Array, Integers]:
@@ -71,10 +61,12 @@ class Prepared(NamedTuple):
 def prepared(
     scenes: BarrierSet, functions: FunctionCache, reach: Callable[[Barrier], Reach]
 ) -> Prepared:
-    """Return what is known of the barriers of N scenes.
+    """Return N scenes prepared; `reach` raises an InvalidInputError where no input reaches one.
 
-    Raises:
-        InvalidInputError: if no input reaches one.
+    Args:
+        scenes: of N plants.
+        functions: which compiles the rows of functions.
+        reach: how inputs reach a barrier that is no function.
     """
     listed: Any = scenes.listed
     distinct = listed[:1] if all(one is listed[0] for one in listed) else listed

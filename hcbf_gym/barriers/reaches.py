@@ -14,12 +14,7 @@ _BOUNDED = {*SHAPES} - {HalfPlane}
 
 
 class Reaches:
-    """Finds and remembers how inputs reach barriers.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-        functions: which compiles the rows of functions, and finds their reaches with them.
-    """
+    """Finds how inputs reach barriers of a model; `functions` finds it of functions."""
 
     def __init__(self, model: ReducedOrderModel, functions: FunctionCache) -> None:
         self._model, self._functions = model, functions

@@ -51,19 +51,12 @@ class PackedRows(NamedTuple):
 
 
 class States(NamedTuple):
-    """N states at which rows are made, with the terms of ẋ = f(x) + g(x)u there.
+    """N states at which rows are made, with the terms of ẋ = f(x) + g(x)u there."""
 
-    Attributes:
-        x: (N, n) states.
-        t: (N,) times [s].
-        f: (N, n) drift.
-        g: (N, n, n_u) effect of the inputs.
-    """
-
-    x: Array
-    t: Array
-    f: Array
-    g: Array
+    x: Array  # (N, n)
+    t: Array  # (N,) [s]
+    f: Array  # (N, n)
+    g: Array  # (N, n, n_u)
 
 
 class CbfRows(NamedTuple):

@@ -31,14 +31,11 @@ class CertificateCoverage(NamedTuple):
     Episodes of this very plant showed what it promises, so that no sufficient condition on its
     inputs has to hold besides.
 
-    Attributes:
-        certificate: of the plant.
-        identity: what identified the plant when the filter was made.
-        declared: the plant's own mapping, or a reader of one; None where it declares nothing.
+    `declared` is the plant's own mapping, or a reader of one; None where it declares nothing.
     """
 
     certificate: Certificate
-    identity: Mapping[str, object]
+    identity: Mapping[str, object]  # of the plant when the filter was made
     declared: Mapping[str, object] | Reader | None
 
     def __call__(self, env: object, observation: object, info: Info) -> Judged:
