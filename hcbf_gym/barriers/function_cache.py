@@ -1,71 +1,19 @@
 """Functions of many scenes in groups, and which of their rows are compiled, for how long."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.function_group import Group
 from hcbf_gym.barriers.function_rows import RowsKernel
-from hcbf_gym.barriers.relative_degree import VANISHED
-from hcbf_gym.errors import InvalidInputError, warn_caller
+from hcbf_gym.errors import warn_caller
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 MOST = 8
 """Tuples of functions that are compiled together."""
-
-
-class Group(NamedTuple):
-    """Functions of the same signatures, at the same places of some scenes."""
-
-    scenes: Integers  # (K,) which of N
-    places: Integers  # (k,) of m
-    kernel: RowsKernel
-    functions: tuple[Function, ...]  # k, those of the first scene
-    parameters: Array  # (K, p) of each scene's functions, one behind another
-
-    def rows(self, x: Array, t: Array, margin: Array, margin_rate: Array) -> Array:
-        """Return the rows of K states.
-
-        Args:
-            x: (K, n) states.
-            t: (K,) times [s].
-            margin: (K, k) what each row reserves between h and zero.
-            margin_rate: (K, k) d margin/dt.
-
-        Returns:
-            (K, k, n_u + 5): a, b, h, α₂(ψ), conditioning and early inputs. Conditioning is 0 where
-            a row does not depend on the input or is not finite, and less than 1 where L_g ψ is
-            small or turns at a kink of h.
-
-        Raises:
-            InvalidInputError: if h is not finite, or an input appears below the relative degree.
-        """
-        shape = len(x), len(self.functions), self.kernel.model.n_u + 5
-        if len(x) == 1:
-            inputs = np.concatenate((x[0], t, margin[0], margin_rate[0], self.parameters[0]))
-            out = np.asarray(self.kernel.one(inputs)).reshape(shape)
-        else:
-            made = np.asarray(self.kernel.many(x, t, margin, margin_rate, self.parameters))
-            out = np.ascontiguousarray(np.moveaxis(made, -1, 0)).reshape(shape)
-        early = out[..., -1]
-        if not early.max() <= VANISHED:
-            self._refuse(out[..., -4], early)
-        return out
-
-    def _refuse(self, h: Array, early: Array) -> None:
-        """Raise the error of the function that is wrong."""
-        for k, function in enumerate(self.functions):
-            if not np.isfinite(h[..., k]).all():
-                raise InvalidInputError(f"{function.name}: got h = {h[..., k]}, expected finite h")
-            if (early[..., k] > VANISHED).any():
-                raise InvalidInputError(
-                    f"{function.name}: got an input in a derivative below the relative degree "
-                    f"{self.kernel.reaches[k].degree} of all sampled states, expected one degree "
-                    "everywhere"
-                )
 
 
 class FunctionCache:

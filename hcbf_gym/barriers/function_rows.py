@@ -1,4 +1,9 @@
-"""The rows of users' functions, compiled together, by automatic differentiation."""
+"""The rows of users' functions, compiled together, by automatic differentiation.
+
+A row has n_u + 5 columns: a (n_u,), b, h, α₂(ψ), its conditioning, and early inputs, the largest
+entry of L_g ψ below the relative degree. Conditioning is 0 where a row does not depend on the input
+or is not finite, and less than 1 where L_g ψ is small or turns at a kink of h.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -12,20 +17,18 @@ from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samp
 from hcbf_gym.models.autodiff import compile64, import_jax, run64
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
+H, EARLY = -4, -1
+"""The columns of h and of early inputs, from the end."""
+
 _PROBE = 1e-6  # how far to both sides a kink is looked for, relative to 1 + |x|
 _KINK = 1e-2  # least relative turn that counts as one; curvature and rounding stay below
 
 
 class RowsKernel:
-    r"""The rows of m functions for one model, whatever their parameters are.
+    """The rows of m functions for one model, by the equations of `GeneralRows`.
 
-    With r the relative degree, :math:`ψ_0 = h − \text{margin}` and
-    :math:`ψ_k = L_f ψ_{k−1} + ∂ψ_{k−1}/∂t + α_1(ψ_{k−1})` for 0 < k < r, the row is
-    :math:`a = L_g ψ_{r−1}`, :math:`b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t`.
-
-    The relative degree is the least r at which L_g ψ differs from 0 at a sampled state. Every call
-    checks that no input appears earlier. Where L_g ψ vanishes at a state, a is 0, and b > 0 is a
-    violation. Where a derivative is not finite, the row is not either.
+    Every call returns early inputs, so that its caller finds an input below the relative degree.
+    Where a derivative is not finite, the row is not either.
 
     Args:
         model: ẋ = f(x) + g(x)u, with f and g in jax.numpy (the models of this package are).
@@ -125,9 +128,9 @@ def _rows_kernel(
     reaches: Sequence[Reach],
     alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
 ) -> Callable[..., Any]:
-    """Return (x, t, margin, rate, parameters) → the entries of m rows, see `Group`.
+    """Return (x, t, margin, rate, parameters) → the columns of m rows, one row behind another.
 
-    Early inputs are nan where h is not finite, so that one comparison finds both.
+    Early inputs are NaN where h is not finite, so that one comparison finds both.
     """
     jax = import_jax("barriers.Function")
     jnp = jax.numpy

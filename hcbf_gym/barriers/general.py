@@ -1,6 +1,10 @@
-"""From barriers to rows for any model: h(x, t) ≥ 0 is preserved by a condition linear in u."""
+"""From barriers to rows for any model: h(x, t) ≥ 0 is preserved by a condition linear in u.
 
-import itertools
+Built-in shapes have their derivatives in compiled code. A user's own class returns a `Jet`, from
+which compiled code makes its row. The rows of functions come from JAX, those of one `Group` at
+once. `Prepared` has which barrier is which, and `PackedRows` the columns of a row.
+"""
+
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,20 +17,17 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.class_k import ClassK
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache, Group
+from hcbf_gym.barriers.function_cache import FunctionCache
+from hcbf_gym.barriers.function_group import Group, Instant
 from hcbf_gym.barriers.kinks import Kinks
-from hcbf_gym.barriers.many import Several
-from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Conditions, Prepared, prepared
-from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
-from hcbf_gym.barriers.rows import ALPHA2_PSI, CONDITIONING, MARGIN, RATE, WIDTH, B, CbfRows, H
+from hcbf_gym.barriers.reaches import Reaches
+from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.barriers.rows import WIDTH, CbfRows, PackedRows, States
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
-from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import (
     UNREADABLE,
     InvalidInputError,
-    UnreachableError,
     finite_array,
     instance,
     listed,
@@ -35,8 +36,6 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-_BOUNDED = {*SHAPES} - {HalfPlane}  # which read both positions, whatever their numbers are
-_OF_H = -4  # where the rows of functions have h
 _NO_JACOBIAN = np.zeros((1, 0, 0))
 
 
@@ -92,8 +91,7 @@ class GeneralRows:
         self.functions = FunctionCache(model, alpha1, alpha2)
         of_speed = alpha2 if alpha_speed is None else instance("alpha_speed", alpha_speed, ClassK)
         self.alphas = np.stack([alpha.parameters() for alpha in (alpha1, alpha2, of_speed)])
-        self._reaches: dict[tuple[type[Barrier], bytes], Reach] = {}
-        self._somewhere = samples(model)[0][0]
+        self._reaches = Reaches(model, self.functions)
         self._latest: Prepared | None = None
         self.conditioning = np.ones(0)
         self.kinks = Kinks()
@@ -105,7 +103,7 @@ class GeneralRows:
         t: Any = 0.0,
         margin: ArrayLike = 0.0,
         margin_rate: ArrayLike = 0.0,
-        kinks: tuple[Kinks, int] | None = None,
+        kinks: Kinks | None = None,
     ) -> CbfRows:
         """Return the rows of one state, or of N.
 
@@ -116,170 +114,127 @@ class GeneralRows:
             margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
-            kinks: those of a filter, and the number of the first plant there; None for `kinks`.
+            kinks: those of a filter; None for the attribute.
 
         Raises:
             InvalidInputError: if no input reaches a barrier by the second derivative, the model has
                 no velocity for a speed limit, or a jet is not made of finite numbers.
         """
-        x, kept = reals("x", x), reals("margin", margin)
-        m = len(listed("barriers", barriers, Barrier))
-        states = np.atleast_2d(x)
-        count = len(states)
-        if states.shape != (count, self.model.n) or not count:
-            raise InvalidInputError(
-                f"rows: got x of shape {x.shape}, expected ({self.model.n},) or (N, {self.model.n})"
-            )
-        scenes = self.prepare([tuple(barriers)] * count)
-        out = np.zeros((count, m, WIDTH + self.model.n_u))
-        kept = kept if kept.ndim else scenes.margins(float(kept))
-        out[..., MARGIN] = _fitted("margin", kept, (count, m))
-        out[..., RATE] = _fitted("margin_rate", margin_rate, (count, m))
-        times = np.array(_fitted("t", t, (count,)))
-        self._write(scenes, states, times, self.model.terms_of(states), out, kinks)
-        for i, k in np.argwhere(~np.isfinite(out[..., H])):
-            if not isinstance(barriers[k], Function):
-                checked(barriers[k], barriers[k].jet(states[i], float(times[i])), self.model.n)
+        x, margin = reals("x", x), reals("margin", margin)
+        conditions = listed("barriers", barriers, Barrier)
+        states = self._states(x, t)
+        scenes = self.prepare([conditions] * len(states.x))
+        shape = scenes.kind.shape
+        rows = PackedRows(np.zeros((*shape, WIDTH + self.model.n_u)))
+        reserved = margin if margin.ndim else scenes.margins(float(margin))
+        rows.margin[...] = _fitted("margin", reserved, shape)
+        rows.margin_rate[...] = _fitted("margin_rate", margin_rate, shape)
+        self._write(scenes, states, rows, self.kinks if kinks is None else kinks)
+        self._check_values(conditions, states, rows)
         ranks = scenes.scenes.priority
-        out, ranks = (out[0], ranks[0]) if x.ndim == 1 else (out, ranks)
-        self.conditioning = out[..., CONDITIONING]
-        b, h, alpha2_psi = (out[..., column].copy() for column in (B, H, ALPHA2_PSI))
-        return CbfRows(out[..., WIDTH:].copy(), b, h, ranks, alpha2_psi)
+        if x.ndim == 1:
+            rows, ranks = PackedRows(rows.numbers[0]), ranks[0]
+        self.conditioning = rows.conditioning
+        b, h, alpha2_psi = rows.b.copy(), rows.h.copy(), rows.alpha2_psi.copy()
+        return CbfRows(rows.a.copy(), b, h, ranks, alpha2_psi)
+
+    def _states(self, x: Array, t: object) -> States:
+        """Return the states of a call, which are refused if they are not of the model."""
+        states = np.atleast_2d(x)
+        count, n = len(states), self.model.n
+        if states.shape != (count, n) or not count:
+            raise InvalidInputError(f"rows: got x of shape {x.shape}, expected ({n},) or (N, {n})")
+        return States(states, np.array(_fitted("t", t, (count,))), *self.model.terms_of(states))
+
+    def _check_values(self, barriers: Sequence[Barrier], states: States, rows: PackedRows) -> None:
+        """Raise the error of a jet whose h is not finite; functions have raised theirs."""
+        for i, k in np.argwhere(~np.isfinite(rows.h)):
+            if not isinstance(barriers[k], Function):
+                jet = barriers[k].jet(states.x[i], float(states.t[i]))
+                checked(barriers[k], jet, self.model.n)
 
     def write(
-        self,
-        scenes: Prepared,
-        x: Array,
-        t: Array,
-        terms: tuple[Array, Array],
-        out: Array,
-        kinks: tuple[Kinks, int] | None = None,
+        self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks | None = None
     ) -> None:
-        """Write the rows of N states; NaN into those of scenes that give none.
+        """Write the rows of N states; where a barrier raises an error, b is NaN in its scene.
 
         Args:
-            scenes: their barriers.
-            x: (N, n) states.
-            t: (N,) times [s].
-            terms: f (N, n) and g (N, n, n_u) at x.
-            out: (N, m, WIDTH + n_u) with m and ṁ, see `rows.MARGIN`.
+            scenes: the barriers of N scenes.
+            states: one for each scene.
+            rows: with margin and margin_rate; the other fields are written.
             kinks: as in a call.
         """
+        kinks = self.kinks if kinks is None else kinks
         try:
-            self._write(scenes, x, t, terms, out, kinks)
+            self._write(scenes, states, rows, kinks)
         except UNREADABLE:
-            if len(x) == 1:
-                out[..., B] = np.nan
+            count = len(states.x)
+            if count == 1:
+                rows.b[...] = np.nan
                 return
-            for i in range(len(x)):
-                one = slice(i, i + 1)
-                scene = BarrierSet([scenes.scenes.listed[i]])
-                m = scene.kind.shape[1]  # a batch fills up shorter scenes
-                scene.parameters[:] = scenes.scenes.parameters[one, :m]
-                part = prepared(scene, self.functions, self.reach)
-                here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
-                self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one, :m], here)
+            for i in range(count):
+                here = slice(i, i + 1)
+                alone = BarrierSet([scenes.scenes.listed[i]])
+                m = alone.kind.shape[1]  # a batch fills up shorter scenes
+                alone.parameters[:] = scenes.scenes.parameters[here, :m]
+                part = prepared(alone, self.functions, self.reach)
+                state = States(*(field[here] for field in states))
+                self.write(part, state, PackedRows(rows.numbers[here, :m]), kinks.from_plant(i))
 
-    def _write(
-        self,
-        scenes: Prepared,
-        x: Array,
-        t: Array,
-        terms: tuple[Array, Array],
-        out: Array,
-        kinks: tuple[Kinks, int] | None,
-    ) -> None:
-        """Write the rows of N states; what users' own code raises is raised."""
-        n, (f, g) = self.model.n, terms
-        known, first = kinks or (self.kinks, 0)
-        count, m = scenes.kind.shape
+    def _write(self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks) -> None:
+        """Write the rows of N states; errors of users' own code are raised."""
+        jets = self._jets(scenes, states, kinks)
+        jacobian = self.model.jacobians_of(states.x) if scenes.turns else _NO_JACOBIAN
+        is_late = _core.general_rows(
+            *scenes.built_in, jets, *states, jacobian, self.alphas, rows.numbers
+        )
+        for group in scenes.groups:
+            is_late |= self._write_functions(group, scenes, states, rows, kinks)
+        if is_late and self._most is not None:
+            for i, k in np.argwhere((rows.alpha2_psi < 0.0) & (scenes.degree == 2)):
+                row = rows.numbers[i, k]
+                _core.recover_row(self.alphas, self._most(row[WIDTH:]), row)
+
+    def _jets(self, scenes: Prepared, states: States, kinks: Kinks) -> Array:
+        """Return (N, m, 3 + 2n + n²) the jets of users' own classes; (N, 0, …) without any.
+
+        A jet is packed as h, ∂h/∂t, ∂²h/∂t², ∇h, ∂∇h/∂t and ∇²h.
+        """
+        n, (count, m) = self.model.n, scenes.kind.shape
         jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
         for i, k, barrier in scenes.custom:
-            jet = known.jet(self.model, barrier, x[i], float(t[i]), first + i)
+            jet = kinks.jet(self.model, barrier, states.x[i], float(states.t[i]), i)
             jets[i, k, :3] = jet.h, jet.rate, jet.rate_rate
             jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
             jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
-        jacobian = self.model.jacobians_of(x) if scenes.turns else _NO_JACOBIAN
-        lags = _core.general_rows(*scenes.built_in, jets, x, t, f, g, jacobian, self.alphas, out)
-        for group in scenes.groups:
-            here = np.ix_(group.scenes, group.places)
-            reserved, at = out[here], (x[group.scenes], t[group.scenes])
-            made = group.rows(*at, reserved[..., MARGIN], reserved[..., RATE])
-            if not math.isfinite(made.sum()):
-                made = self._beside(scenes, group, made, (x, t, reserved), (known, first))
-            degrees = scenes.degree[group.scenes[0], group.places]
-            lags |= _core.function_rows(made, degrees, self.alphas[1], reserved)
-            out[here] = reserved
-        if lags and self._most is not None:  # rows request a stop where ψ_1 is below zero
-            for i, k in np.argwhere((out[..., ALPHA2_PSI] < 0.0) & (scenes.degree == 2)):
-                _core.recover_row(self.alphas, self._most(out[i, k, WIDTH:]), out[i, k])
+        return jets
 
-    def _beside(
-        self,
-        scenes: Prepared,
-        group: Group,
-        made: Array,
-        at: tuple[Array, Array, Array],
-        kinks: tuple[Kinks, int],
-    ) -> Array:
-        """Return rows of a group of functions; those beside x where they are not finite there.
-
-        `at` has x (N, n) and t (N,) of all scenes [s], and what the rows reserve.
-        """
-        (x, t, reserved), (known, first), made = at, kinks, made.copy()
-        listed: Any = scenes.scenes.listed
-        for j, k in np.argwhere(~np.isfinite(made).all(axis=2)):
-            i = int(group.scenes[j])
-            for beside in known.beside(self.model, x[i], first + i):
-                moved = x[group.scenes]
-                moved[j] = beside
-                times = t[group.scenes]
-                row = group.rows(moved, times, reserved[..., MARGIN], reserved[..., RATE])[j, k]
-                if np.isfinite(row).all():
-                    known.warn(listed[i][group.places[k]], x[i])
-                    h, made[j, k] = made[j, k, _OF_H], row
-                    made[j, k, _OF_H] = h
-                    break
-        return made
+    def _write_functions(
+        self, group: Group, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks
+    ) -> bool:
+        """Write the rows of a group, and return whether a ψ_1 of one is below zero."""
+        here = np.ix_(group.scenes, group.places)
+        part = PackedRows(rows.numbers[here])
+        x, t = states.x[group.scenes], states.t[group.scenes]
+        at = Instant(x, t, part.margin, part.margin_rate)
+        made = group.rows(at)
+        if not math.isfinite(made.sum()):
+            made = group.rows_beside(at, made, kinks, scenes.scenes.listed)
+        degrees = scenes.degree[group.scenes[0], group.places]
+        is_late = _core.function_rows(made, degrees, self.alphas[1], part.numbers)
+        rows.numbers[here] = part.numbers
+        return is_late
 
     def prepare(self, scenes: Sequence[Conditions]) -> Prepared:
-        """Return what is known of N scenes, looked up once while these are the same.
-
-        Raises:
-            InvalidInputError: if no input reaches a barrier.
-        """
-        kept = self._latest  # filters in other threads share these rows
-        if kept is None or not kept.is_of(scenes):
-            self._latest = kept = prepared(BarrierSet(scenes), self.functions, self.reach)
-        return kept
+        """Return N scenes with all that stays the same while they hold the same barriers."""
+        latest = self._latest  # read once: filters in other threads share these rows
+        if latest is None or not latest.is_of(scenes):
+            self._latest = latest = prepared(BarrierSet(scenes), self.functions, self.reach)
+        return latest
 
     def reach(self, barrier: Barrier) -> Reach:
-        """Return how inputs reach a barrier.
-
-        Raises:
-            InvalidInputError: if none has appeared in the second derivative, or the barrier is a
-                speed limit and the model has no velocity.
-        """
-        is_bounded = type(barrier) in _BOUNDED
-        key = type(barrier), b""
-        if is_bounded and key in self._reaches:
-            return self._reaches[key]
-        if isinstance(barrier, Function):
-            return self.functions.groups([[barrier]])[0].kernel.reaches[0]
-        if isinstance(barrier, SpeedLimit) and self.model.velocity_at != 2:
-            raise InvalidInputError(
-                f"{barrier.name}: got a speed limit for {self.model}, expected a model with its "
-                "velocity in x[2:4]"
-            )
-        try:
-            jet = checked(barrier, barrier.jet(self._somewhere, 0.0), self.model.n, finite=False)
-        except InvalidInputError as error:
-            raise UnreachableError(str(error)) from error
-        if not is_bounded:
-            key = type(barrier), (jet.gradient != 0.0).tobytes()
-        if key not in self._reaches:
-            self._reaches[key] = reach_by_jets(barrier, self.model)
-        return self._reaches[key]
+        """Return how inputs reach a barrier; see `Reaches.of`."""
+        return self._reaches.of(barrier)
 
 
 def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
@@ -288,26 +243,3 @@ def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
     if numbers.ndim > len(shape) or numbers.shape != shape[len(shape) - numbers.ndim :]:
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected {shape}")
     return np.broadcast_to(numbers, shape)
-
-
-def check_barriers(barriers: Any) -> tuple[Barrier, ...]:
-    """Return barriers as a tuple, those of a `Several` one by one.
-
-    Raises:
-        InvalidInputError: if they are no sequence of barriers.
-    """
-    listed = isinstance(barriers, Sequence) and not isinstance(barriers, str)
-    each = [b.conditions if isinstance(b, Several) else (b,) for b in barriers] if listed else []
-    own: tuple[Any, ...] = tuple(itertools.chain.from_iterable(each))
-    if not listed or not all(isinstance(b, Barrier) for b in own):
-        raise InvalidInputError(
-            f"barriers: got {barriers!r}, expected a sequence of objects of classes derived from "
-            "hcbf_gym.barriers.Barrier"
-        )
-    mapped = [barrier.name for barrier in own if isinstance(barrier, Mapped)]
-    if mapped:
-        raise InvalidInputError(
-            f"barriers: got the classes {mapped} of a map, expected them for a plant of the planar "
-            "double integrator: only its rows look beyond the nearest piece"
-        )
-    return own

@@ -6,6 +6,7 @@ along which they are finite. The row is then that of the part of h into which th
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,20 +23,24 @@ SMOOTH = (
 )
 
 
+@dataclass
 class Kinks:
-    """The states beside a kink, and a warning once of each barrier that has one.
+    """Finds states beside a kink for each of N plants, and warns once of each barrier with one.
 
-    Attributes:
-        u: (n_u,) or (N, n_u) u* of the plants; None where it is not known.
+    Plants are counted from `first`, so that rows can be made of some of them alone.
     """
 
-    def __init__(self) -> None:
-        self.u: Array | None = None
-        self._known: set[str] = set()
+    u: Array | None = None  # (n_u,) or (N, n_u) u* of the plants; None where it is not known
+    first: int = 0
+    warned: set[str] = field(default_factory=set)  # names of barriers
+
+    def from_plant(self, i: int) -> "Kinks":
+        """Return the same with plant i as the first."""
+        return Kinks(self.u, self.first + i, self.warned)
 
     def beside(self, model: ReducedOrderModel, x: Array, i: int) -> Iterator[Array]:
         """Yield states beside x (n,) of plant i, the preferred one first."""
-        u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[i]
+        u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[self.first + i]
         f, g = model.terms(x)
         if isinstance(model, DoubleIntegrator):
             v = x[model.n_u :]
@@ -49,11 +54,13 @@ class Kinks:
                 yield x + STEP / size * d
 
     def jet(self, model: ReducedOrderModel, barrier: Barrier, x: Array, t: float, i: int) -> Jet:
-        """Return a barrier's jet at x (n,) of plant i; beside x where it is not finite there.
+        """Return a barrier's jet at the state x (n,) of plant i and the time t [s].
+
+        Where derivatives are not finite at x, they are those beside x, and h is that at x.
 
         Raises:
-            InvalidInputError: if it is no jet, h is not finite, or neither are the derivatives
-                beside x.
+            InvalidInputError: if the barrier returns no jet, h is not finite, or the derivatives
+                are finite neither at x nor beside it.
         """
         jet = barrier.jet(x, t)
         if isinstance(jet, Jet) and is_plain(jet, model.n):
@@ -74,9 +81,9 @@ class Kinks:
 
     def warn(self, barrier: Barrier, x: Array) -> None:
         """Warn that the derivatives of a barrier are not those at x (n,), once."""
-        if barrier.name in self._known:
+        if barrier.name in self.warned:
             return
-        self._known.add(barrier.name)
+        self.warned.add(barrier.name)
         warn_caller(
             f"{barrier.name}: h is finite and its gradient is not at x = {x.tolist()}: it is taken "
             f"{STEP:g} beside, along the motion; {SMOOTH}",

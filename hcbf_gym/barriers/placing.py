@@ -7,6 +7,7 @@ block needs the plant's time alone. A `Function` and a class with a `jet` read t
 
 from collections.abc import Sequence
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,14 @@ _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
 _NEW = -1
 
 
+class OwnShape(NamedTuple):
+    """A user's own moving shape, and the same as of time 0 of the plant's clock."""
+
+    given: PlanarBarrier
+    since: float  # the time from which it counts [s]
+    at_zero: Barrier
+
+
 class Placing:
     """Since when the shapes of `count` plants count, on the clock of each plant.
 
@@ -31,7 +40,7 @@ class Placing:
     def __init__(self, count: int):
         self._listed: list[Flat] | None = None
         self._since: Array = np.zeros((count, 0))
-        self._there: dict[tuple[int, int], tuple[PlanarBarrier, float, Barrier]] = {}
+        self._own_shapes: dict[tuple[int, int], OwnShape] = {}
         self._begins: Mask = np.ones(count, dtype=np.bool_)
         self._went_back: Mask = np.zeros(count, dtype=np.bool_)
         self.is_due = True
@@ -126,16 +135,18 @@ class Placing:
 
     def _own(self, given: BarrierSet) -> dict[tuple[int, int], Barrier]:
         """Return (scene, place) → a user's own shape that moves, as of time 0."""
-        before, self._there = self._there, {}
+        before, self._own_shapes = self._own_shapes, {}
         for place, one in given.own.items():
             if not isinstance(one, PlanarBarrier) or not one.frame_velocity.any():
                 continue
             since = float(self._since[place])
             known = before.get(place)
-            if known is None or known[0] is not one or known[1] != since:
-                known = one, since, _elsewhere(one, -since * one.frame_velocity) if since else one
-            self._there[place] = known
-        return {place: there for place, (one, _, there) in self._there.items() if there is not one}
+            if known is None or known.given is not one or known.since != since:
+                at_zero = _elsewhere(one, -since * one.frame_velocity) if since else one
+                known = OwnShape(one, since, at_zero)
+            self._own_shapes[place] = known
+        shapes = self._own_shapes.items()
+        return {place: one.at_zero for place, one in shapes if one.at_zero is not one.given}
 
 
 def _elsewhere(one: PlanarBarrier, step: Array) -> Barrier:

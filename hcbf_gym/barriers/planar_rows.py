@@ -57,7 +57,7 @@ def write_own_row(
     settings: RowSettings,
     reserved: tuple[float, float, float],
     out: Array,
-    kinks: tuple[Kinks, int] | None = None,
+    kinks: Kinks | None = None,
 ) -> None:
     """Write the row of a user's own barrier, which Python evaluates.
 

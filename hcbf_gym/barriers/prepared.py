@@ -9,47 +9,39 @@ import numpy as np
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_cache import FunctionCache, Group
+from hcbf_gym.barriers.function_cache import FunctionCache
+from hcbf_gym.barriers.function_group import Group
 from hcbf_gym.barriers.layout import ELSEWHERE
 from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.unknown import Entry
 
 Conditions = tuple[Barrier, ...]
 
 
 class Prepared(NamedTuple):
-    """The barriers of N scenes, with what stays the same from state to state.
+    """The barriers of N scenes, with what stays the same from state to state."""
 
-    Attributes:
-        scenes: of any model's states; their `priority` is 0 where there is no row.
-        kind: (N, m) as `layout` has it, or `ELSEWHERE` of functions.
-        degree: (N, m) the derivative of h that an input enters first, 1 or 2.
-        groups: those that are functions.
-        custom: scene, place and barrier of users' own classes.
-        reaches: how inputs reach the barriers of each scene, of the first alone where all are one.
-        turns: whether an input enters the second derivative of a barrier that is no function.
-    """
-
-    scenes: BarrierSet
-    kind: Integers
-    degree: Integers
-    groups: list[Group]
-    custom: list[tuple[int, int, Barrier]]
-    reaches: list[list[Reach]]
-    turns: bool
+    scenes: BarrierSet  # whose `priority` is 0 where there is no row
+    kind: Integers  # (N, m) as `layout` has it, or `ELSEWHERE` of functions
+    degree: Integers  # (N, m) the derivative of h that an input enters first
+    groups: list[Group]  # the functions among the barriers
+    custom: list[Entry]  # the barriers of users' own classes
+    reaches: list[list[Reach]]  # of the barriers of each scene; one list where all scenes are one
+    turns: bool  # whether a barrier that is no function has degree 2
 
     @property
     def built_in(self) -> tuple[Integers, Array, Integers]:
-        """Kind, parameters and degree, as compiled code reads them."""
+        """Kind (N, m), parameters (N, m, WIDTH) and degree (N, m), which compiled code reads."""
         return self.kind, self.scenes.parameters, self.degree
 
     @property
-    def entries(self) -> list[tuple[int, int, Barrier]]:
-        """Scene, place and barrier of functions and of users' own classes."""
+    def entries(self) -> list[Entry]:
+        """The barriers of users' own classes, and then the functions."""
         listed: Any = self.scenes.listed
         functions = [
-            (int(i), int(k), listed[i][k])
+            Entry(int(i), int(k), listed[i][k])
             for group in self.groups
             for i in group.scenes
             for k in group.places
@@ -69,10 +61,12 @@ class Prepared(NamedTuple):
 def prepared(
     scenes: BarrierSet, functions: FunctionCache, reach: Callable[[Barrier], Reach]
 ) -> Prepared:
-    """Return what is known of the barriers of N scenes.
+    """Return N scenes prepared; `reach` raises an InvalidInputError where no input reaches one.
 
-    Raises:
-        InvalidInputError: if no input reaches one.
+    Args:
+        scenes: of N plants.
+        functions: which compiles the rows of functions.
+        reach: how inputs reach a barrier that is no function.
     """
     listed: Any = scenes.listed
     distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
@@ -96,6 +90,6 @@ def prepared(
         if isinstance(barrier, Function):
             kind[i, k] = ELSEWHERE
         else:
-            custom.append((i, k, barrier))
+            custom.append(Entry(i, k, barrier))
     turns = bool((degree[kind != ELSEWHERE] == 2).any())
     return Prepared(scenes, kind, degree, groups, custom, reaches, turns)

@@ -23,19 +23,12 @@ SAMPLES = 16
 
 
 class Reach(NamedTuple):
-    """How inputs reach a barrier.
+    """How inputs reach a barrier."""
 
-    Attributes:
-        degree: r, the derivative of h that an input enters first.
-        inputs: (n_u,) which inputs enter that derivative: those of the row.
-        reads: (n,) which states h depends on.
-        size: how large L_g ψ_{r−1} is, the median over sampled states.
-    """
-
-    degree: int
-    inputs: Mask
-    reads: Mask
-    size: float
+    degree: int  # r, the derivative of h that an input enters first
+    inputs: Mask  # (n_u,) which inputs enter that derivative: those of the row
+    reads: Mask  # (n,) which states h depends on
+    size: float  # the largest |L_g ψ_{r−1}| at a state, the median over sampled states
 
 
 def samples(model: ReducedOrderModel) -> tuple[Array, Array]:

@@ -1,4 +1,8 @@
-"""The record between barriers and programs, ``a·u ≥ b``, and how barriers become rows."""
+"""The record between barriers and programs, ``a·u ≥ b``, and how barriers become rows.
+
+Compiled code reads and writes rows as one array, whose columns are named here. Python code outside
+of this file and of the planar rows reads them by the fields of `PackedRows`.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,11 +15,48 @@ from hcbf_gym.barriers.class_k import ClassK, LogClassK, unless_given
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, instance
 
 B, H, ALPHA2_PSI, PSI = range(4)
-"""What is written of rows besides a: the first axis of that array."""
+"""The columns of every row: its bound b, h, α₂(ψ) and ψ."""
 MARGIN, RATE, QUICKENING, USABLE, REACH, FAST, DIP, CONDITIONING, PLACED, WIDTH = range(4, 14)
-"""What follows in a row that is made for any model: m, ṁ, m̈ and more of margins.hpp, what the row
-reserves besides, how well it is conditioned, and 1 where its barrier reads the position. a (n_u,)
-is behind."""
+"""The further columns of a row that is made for any model: its margin m with ṁ and m̈, more of
+margins.hpp, the dip of h between samples, the conditioning of a, and 1 where the barrier reads the
+position. a (n_u,) begins at `WIDTH`."""
+
+
+def _column(column: int) -> Any:
+    """Return a property: a view (N, m) of one column."""
+    return property(lambda rows: rows.numbers[..., column])
+
+
+class PackedRows(NamedTuple):
+    """Rows of N states in the array of compiled code; their fields are views of it.
+
+    Attributes:
+        numbers: (N, m, WIDTH + n_u) the columns above, then a.
+    """
+
+    numbers: Array
+
+    b = _column(B)
+    h = _column(H)
+    alpha2_psi = _column(ALPHA2_PSI)
+    margin = _column(MARGIN)
+    margin_rate = _column(RATE)
+    conditioning = _column(CONDITIONING)
+    reads_position = _column(PLACED)
+
+    @property
+    def a(self) -> Array:
+        """(N, m, n_u) L_g ψ."""
+        return self.numbers[..., WIDTH:]
+
+
+class States(NamedTuple):
+    """N states at which rows are made, with the terms of ẋ = f(x) + g(x)u there."""
+
+    x: Array  # (N, n)
+    t: Array  # (N,) [s]
+    f: Array  # (N, n)
+    g: Array  # (N, n, n_u)
 
 
 class CbfRows(NamedTuple):

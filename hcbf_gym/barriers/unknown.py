@@ -14,8 +14,13 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-Entry = tuple[int, int, Barrier]
-"""Scene, place and barrier of one that is no built-in shape."""
+
+class Entry(NamedTuple):
+    """A barrier that is no built-in shape, so that Python evaluates it, and its row."""
+
+    scene: int  # of N
+    place: int  # of m
+    barrier: Barrier
 
 
 class Known(NamedTuple):
@@ -89,7 +94,7 @@ def slopes(
     """Return ∇h (N, m, n) and what h may lose in second order (N, m); NaN of unreadable entries.
 
     Args:
-        entries: scene, place and barrier of those that are no built-in shapes.
+        entries: the barriers that are no built-in shapes.
         known: of the plants.
         confidence: κ.
         m: how many places a scene has.
@@ -103,9 +108,9 @@ def slopes(
     root = confidence * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
     together: dict[tuple[int, int], list[Entry]] = {}
     for entry in entries:
-        together.setdefault((entry[1], id(entry[2])), []).append(entry)
+        together.setdefault((entry.place, id(entry.barrier)), []).append(entry)
     for alike in together.values():
-        k, barrier, scenes = alike[0][1], alike[0][2], [i for i, _, _ in alike]
+        k, barrier, scenes = alike[0].place, alike[0].barrier, [one.scene for one in alike]
         try:
             if len(scenes) == 1:
                 one = barrier.jet(x[scenes[0]], float(time[scenes[0]]))

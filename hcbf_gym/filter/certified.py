@@ -1,4 +1,11 @@
-"""A plant under a certificate: its margins are what rows reserve, and `covered` follows it."""
+"""Whether the promise was tested for a filter's plant and arguments.
+
+* An environment *declares* its arguments by name (`Plant.declared`). What identifies a plant is
+  that, and of a user's plant a hash of each of its parts as well (`certificates.declared`).
+* A value was *tested* where it is in its range in `tested.json` or in a certificate.
+* A plant is *covered* where all that identifies it was tested. `covered` is then
+  `Coverage.COVERED`, and `Coverage.SCENE` in scenes that were not tested.
+"""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -9,47 +16,46 @@ from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
 from hcbf_gym.certificates import Certificate, Judged, judge, warn_of_version
 from hcbf_gym.errors import CoverageWarning, warn_caller
-from hcbf_gym.filter.settings import alpha2_of, alphas_of
+from hcbf_gym.filter.settings import FilterSettings, alpha2_of, alphas_of
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 _FREE = ("covered", "goal", "extent", "uncertainty")
-"""What of an environment's plant a filter may change."""
+"""Fields of an environment's plant that a filter's plant may change."""
 
 
-class Earned(NamedTuple):
-    """`covered` of a plant whose own episodes showed it, so that no sufficient condition is needed.
+class CertificateCoverage(NamedTuple):
+    """A plant's `covered` by a certificate: it follows what the environment declares at each step.
 
-    Attributes:
-        certificate: that was earned.
-        stated: what identified the plant when the filter was made.
-        declared: a mapping or a reader, of the plant; None for none.
+    Episodes of this very plant showed what it promises, so that no sufficient condition on its
+    inputs has to hold besides.
+
+    `declared` is the plant's own mapping, or a reader of one; None where it declares nothing.
     """
 
     certificate: Certificate
-    stated: Mapping[str, object]
+    identity: Mapping[str, object]  # of the plant when the filter was made
     declared: Mapping[str, object] | Reader | None
 
     def __call__(self, env: object, observation: object, info: Info) -> Judged:
-        """Return what the certificate covers of the plant now."""
-        now = read(self.declared, env, observation, info) or {}
-        return judge(
-            dict(self.stated) | dict(now), self.certificate.plant, reason=CoveredBy.CERTIFICATE
-        )
+        """Return whether the certificate covers the plant with what it declares now."""
+        latest = read(self.declared, env, observation, info) or {}
+        known = {**self.identity, **latest}
+        return judge(known, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
 def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
-    """Return the plant with a certificate's margins; warn where that is of another plant.
+    """Return the plant with a certificate's margins and coverage, or warn that it is of another.
 
-    The reach of the body stays the plant's.
+    Rows then reserve the certificate's uncertainty, with the extent of the plant's own body.
 
     Args:
-        plant: that a filter has.
-        certificate: of it.
-        env: unwrapped.
+        plant: of the filter.
+        certificate: which the user gave for this plant.
+        env: the unwrapped environment.
     """
-    stated = certificates.declared(plant, env, None, {})
-    judged = certificates.judged_by(certificate, stated)
+    identity = certificates.declared(plant, env, None, {})
+    judged = certificates.judged_by(certificate, identity)
     if judged.outside and judged.covered_by == CoveredBy.ARGUMENT:
         warn_caller(
             f"safety filter: the certificate {certificate.name!r} is of another plant: "
@@ -61,53 +67,39 @@ def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
         warn_of_version(judged.reasons[0])
     reserved = plant.uncertainty if certificate.margins is None else certificate.margins
     reserved = reserved._replace(body=plant.uncertainty.body)
-    covered = judged if judged.outside else Earned(certificate, stated, plant.declared)
-    return replace(plant, uncertainty=reserved, covered=covered)
+    coverage = CertificateCoverage(certificate, identity, plant.declared)
+    return replace(plant, uncertainty=reserved, covered=judged if judged.outside else coverage)
 
 
-def limits(
-    asked: Mapping[str, Any], plant: Plant, other: list[str], certificate: Certificate | None
+def judge_filter(
+    settings: FilterSettings,
+    plant: Plant,
+    differences: list[str],
+    certificate: Certificate | None,
 ) -> Judged | None:
-    """Warn of a filter's plant and arguments where they were not tested; None where they were.
-
-    On a double integrator that is its model any margin and any α whose row U can brake are as good.
+    """Return why a filter is not covered, with a warning; None where its plant and arguments are.
 
     Args:
-        asked: the filter's arguments by their names, see `FilterSettings`.
-        plant: that the filter has.
-        other: in what it is not the one that the environment brings, see `differs`.
-        certificate: of the plant; None for none.
+        settings: the filter's arguments.
+        plant: of the filter.
+        differences: between it and the environment's own plant, see `differences_of`.
+        certificate: of the plant; None where the filter was given none.
     """
-    known = plant.covered
-    known = known.covered if isinstance(known, Judged) else known
+    known = plant.covered.covered if isinstance(plant.covered, Judged) else plant.covered
     if isinstance(known, int) and known == Coverage.OUTSIDE:
-        return None
-    tested = certificates.tested()
-    exact = plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator)
-    ranges = dict(tested["filter" if exact else "filter of a plant that is not its model"])
-    if certificate is not None:
-        ranges["options"] = {}
-        if certificate.family.get("program") is not None:
-            ranges["program"] = certificate.family["program"]
-        if certificate.family["kind"] == "own":
-            ranges["guidance"] = None
-    alphas = alphas_of(asked["options"], plant)
-    plain: dict[str, Any] = {n: records.to_dict(one, class_k.KINDS) for n, one in alphas.items()}
-    plain |= {
-        "program": programs.plain(asked["program"]),
-        "on_alarm": None if asked["on_alarm"] == plant.on_alarm else asked["on_alarm"],
-        "options": {name: one for name, one in asked["options"].items() if name not in alphas},
-    }
-    matters = {name: {**asked, **plain}[name] for name in ranges}
-    matters["alpha_gain"] = alpha2_of(plant).gain
+        return None  # nothing is promised of the plant, whatever the filter's arguments are
+    ranges = _tested_ranges(plant, certificate)
+    comparable = _comparable(settings, plant)
+    arguments = {name: comparable[name] for name in (*ranges, "alpha_gain")}
+    of_plant = certificates.tested()["plant of the filter"]
     both = (
-        judge({"plant": other}, tested["plant of the filter"], reason=CoveredBy.PLANT),
-        judge(matters, ranges, reason=CoveredBy.FILTER),
+        judge({"plant": differences}, of_plant, reason=CoveredBy.PLANT),
+        judge(arguments, ranges, reason=CoveredBy.FILTER),
     )
-    outside = [one for one in both if one.outside]
+    outside = [judged for judged in both if judged.outside]
     if not outside:
         return None
-    phrases = tuple(phrase for one in outside for phrase in one.reasons)
+    phrases = tuple(phrase for judged in outside for phrase in judged.reasons)
     warn_caller(
         f"safety filter: the promise was not tested with {', '.join(phrases)}: covered is 0",
         CoverageWarning,
@@ -115,16 +107,49 @@ def limits(
     return outside[0]._replace(reasons=phrases)
 
 
-def differs(plant: Plant, env: Any) -> list[str]:
-    """Return in what a filter's plant is not its environment's own, a phrase for each.
+def _tested_ranges(plant: Plant, certificate: Certificate | None) -> dict[str, object]:
+    """Return the filter's arguments that matter for a plant, each with its tested range."""
+    # Where the model is exact, any margin and any α whose row U can brake is as good.
+    is_exact = plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator)
+    kind = "filter" if is_exact else "filter of a plant that is not its model"
+    ranges = dict(certificates.tested()[kind])
+    if certificate is not None:
+        ranges["options"] = {}
+        if certificate.family.get("program") is not None:
+            ranges["program"] = certificate.family["program"]
+        if certificate.family["kind"] == "own":
+            ranges["guidance"] = None
+    return ranges
+
+
+def _comparable(settings: FilterSettings, plant: Plant) -> dict[str, object]:
+    """Return a filter's arguments in JSON's terms, with its α besides the other options.
+
+    Ranges end at `alpha_gain`, the gain that α₂ has unless it is given.
+    """
+    options, alphas = settings.options, alphas_of(settings.options, plant)
+    plain = {name: records.to_dict(alpha, class_k.KINDS) for name, alpha in alphas.items()}
+    return (
+        settings._asdict()
+        | plain
+        | {
+            "program": programs.plain(settings.program),
+            "on_alarm": None if settings.on_alarm == plant.on_alarm else settings.on_alarm,
+            "options": {name: one for name, one in options.items() if name not in alphas},
+            "alpha_gain": alpha2_of(plant).gain,
+        }
+    )
+
+
+def differences_of(plant: Plant, env: Any) -> list[str]:
+    """Return how a filter's plant differs from its environment's own, a phrase for each field.
 
     Args:
-        plant: that the filter has.
-        env: unwrapped.
+        plant: of the filter.
+        env: the unwrapped environment.
     """
     found = []
-    ours = certificates.is_of_package(type(env))
-    if certificates.is_of_package(plant.declared) and not ours:
+    if certificates.is_of_package(plant.declared) and not certificates.is_of_package(type(env)):
         found.append("another environment than the package's")
     own = getattr(env, "plant", None)
     if not isinstance(own, Plant):

@@ -1,49 +1,46 @@
-"""Whether the promise was tested for N plants, from episode to episode."""
+"""Whether N plants are covered, from episode to episode; `certified` defines *covered*.
+
+A plant is covered from the beginning of an episode at most until something leaves what was tested.
+It is never covered again before the next episode.
+"""
 
 import numpy as np
 
 from hcbf_gym.arrays import Integers, Mask, Records
 from hcbf_gym.certificates import Judged, of_another_version, warn_of_version
 from hcbf_gym.errors import InvalidInputError, as_array
-from hcbf_gym.filter.certified import Earned
+from hcbf_gym.filter.certified import CertificateCoverage
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
 PLAIN = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
-"""Why, of a `Coverage` alone."""
+"""The `CoveredBy` of a `Coverage` that gives no reason, by its number."""
 
 
 class Covering:
-    """What is covered of N plants, and why not.
+    """A `Coverage` and a `CoveredBy` of each of N plants.
 
     Attributes:
-        is_new: whether something changed since it was written last.
+        is_new: whether one changed since they were written last.
     """
 
     def __init__(self, plant: Plant, count: int):
-        self._shown = isinstance(plant.covered, Earned)
+        self._by_certificate = isinstance(plant.covered, CertificateCoverage)
         self.is_new = True
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._why: Integers = np.zeros(count, dtype=np.int64)
 
     def begin(self, covered: object, fresh: Mask) -> None:
-        """Note whether the promise was tested for the episodes that begin.
+        """Set the coverage of episodes that begin: `covered` is a `Judged`, or (N,) `Coverage`.
 
-        In a development version none is covered, whatever the plant states.
-
-        Args:
-            covered: a `Judged`, a `Coverage`, or (N,) of them.
-            fresh: (N,) which begin.
+        A development version covers none, whatever the plant states. `fresh` (N,) masks the
+        plants whose episodes begin.
         """
         for kept, now in zip((self._coverage, self._why), self._judged(covered), strict=True):
             kept[fresh] = now[fresh]
         self.is_new = True
 
     def follow(self, covered: object) -> None:
-        """Note where a promise that was tested when the episode began is no longer.
-
-        Args:
-            covered: as `begin` takes it, at a later step.
-        """
+        """Take the coverage away from plants that leave it; `covered` as `begin` takes it."""
         coverage, why = self._judged(covered)
         ends = (self._coverage == Coverage.COVERED) & (coverage != Coverage.COVERED)
         self._coverage[ends], self._why[ends] = coverage[ends], why[ends]
@@ -65,23 +62,23 @@ class Covering:
         return np.broadcast_to(given, shape), np.broadcast_to(why, shape)
 
     def doubt(self, scenes: Integers, fresh: Mask) -> None:
-        """Cover no episode that begins in a scene where rank 1 cannot be promised.
+        """Cover no episode that begins in a scene where U may not satisfy rank 1.
 
-        What is promised is a sufficient condition: it does not overrule episodes that showed it.
+        Only a sufficient condition shows that, which does not overrule a certificate's episodes.
 
         Args:
-            scenes: a `Coverage` of each such episode's scene.
-            fresh: (N,) which begin.
+            scenes: a `Coverage` of each scene in which an episode begins.
+            fresh: (N,) the plants whose episodes begin.
         """
         known = self._coverage[fresh]
-        shown = self._shown & (known == Coverage.COVERED)
-        doubted = (scenes == Coverage.OUTSIDE) & ~shown & (known != Coverage.OUTSIDE)
+        certified = self._by_certificate & (known == Coverage.COVERED)
+        doubted = (scenes == Coverage.OUTSIDE) & ~certified & (known != Coverage.OUTSIDE)
         self._coverage[fresh] = np.where(doubted, scenes, known)
         self._why[fresh] = np.where(doubted, CoveredBy.INPUTS, self._why[fresh])
         self.is_new = True
 
     def change(self, changed: Mask) -> None:
-        """Note where scenes changed in an episode: it was covered with the one it began in."""
+        """Take the coverage away where a scene changed: it was that of the scene before."""
         changed = changed & (self._coverage == Coverage.COVERED)
         self._coverage[changed] = Coverage.SCENE
         self._why[changed] = CoveredBy.CHANGED

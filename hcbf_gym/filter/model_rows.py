@@ -10,13 +10,14 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier, reads_time
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.general import GeneralRows, check_barriers
+from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.kinks import Kinks
+from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Prepared
 from hcbf_gym.barriers.relative_degree import Reach, samples
-from hcbf_gym.barriers.rows import PLACED, WIDTH
+from hcbf_gym.barriers.rows import WIDTH, PackedRows, States
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.unknown import Known, largest, slopes
+from hcbf_gym.barriers.unknown import Entry, Known, largest, slopes
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import Configured
@@ -84,8 +85,18 @@ class ModelRows:
                 f"plant: got the scenes of an environment with {self._made.plant.model}, expected "
                 "a sequence of barriers: they have rows of the planar double integrator alone"
             )
-        for listed in given.listed:
-            check_barriers(listed)
+        for scene in given.listed:
+            if not all(isinstance(one, Barrier) for one in scene):
+                raise InvalidInputError(
+                    f"barriers: got {scene!r}, expected a sequence of objects of classes derived "
+                    "from hcbf_gym.barriers.Barrier"
+                )
+            mapped = [one.name for one in scene if isinstance(one, Mapped)]
+            if mapped:
+                raise InvalidInputError(
+                    f"barriers: got the classes {mapped} of a map, expected them for a plant of "
+                    "the planar double integrator: only its rows look beyond the nearest piece"
+                )
 
     def moves(self, scene: BarrierSet) -> bool:
         """Return whether a scene depends on time."""
@@ -95,7 +106,7 @@ class ModelRows:
 
     def widen(self, m: int) -> None:
         """Make room for m rows."""
-        self._own = np.zeros((self._made.count, m, WIDTH + self._made.input_set.n_u))
+        self._rows = PackedRows(np.zeros((self._made.count, m, WIDTH + self._made.input_set.n_u)))
         self._is_bound = False
 
     def remembered(self) -> Any:
@@ -139,23 +150,31 @@ class ModelRows:
         prepared, core = self._prepared, self._bound.core
         if core.sense(self._step, self._samples.has_parts) and prepared is not None:
             if not self._is_bound:
-                self._own[..., PLACED] = prepared.scenes.keeps_margin
-                margins = prepared.margins(self._made.reserve.fixed)
-                self._step.bind(*prepared.built_in, margins, self._own)
-                self._is_bound = True
+                self._bind(prepared)
             entries = prepared.entries
-            if not entries:
+            if entries:
+                self._write(prepared, entries)
+            else:
                 core.make_rows(self._step)
-                return self._own
-            states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
-            known = Known(states.x, time, states.model, states.lag, states.covariance)
-            if not (self._samples.has_parts or reserve.is_steep):
-                entries = []
-            with np.errstate(all="ignore"):
-                confidence, m = reserve.settings.confidence, self._own.shape[1]
-                self._step.reserve(*slopes(entries, known, confidence, m))
-                self._rows_of.write(prepared, states.x, time, self._step.terms(), self._own)
-        return self._own
+        return self._rows.numbers
+
+    def _bind(self, prepared: Prepared) -> None:
+        """Let the compiled step read the scene and write into the rows."""
+        self._rows.reads_position[...] = prepared.scenes.keeps_margin
+        margins = prepared.margins(self._made.reserve.fixed)
+        self._step.bind(*prepared.built_in, margins, self._rows.numbers)
+        self._is_bound = True
+
+    def _write(self, prepared: Prepared, entries: list[Entry]) -> None:
+        """Write the rows of scenes of which Python evaluates some entries."""
+        states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
+        known = Known(states.x, time, states.model, states.lag, states.covariance)
+        uncertain = entries if self._samples.has_parts or reserve.is_steep else []
+        confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
+        with np.errstate(all="ignore"):
+            self._step.reserve(*slopes(uncertain, known, confidence, m))
+            at = States(states.x, time, *self._step.terms())
+            self._rows_of.write(prepared, at, self._rows)
 
     def _check_uncertainty(self) -> None:
         """Refuse what has no meaning for the model."""

@@ -14,7 +14,7 @@ from hcbf_gym.barriers.planar_rows import usual, write_own_row
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.unknown import Known
+from hcbf_gym.barriers.unknown import Entry, Known
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import Configured
@@ -94,7 +94,7 @@ class PlanarRows:
         reach = 0.0 if made.plant.axle is None else made.plant.axle.look_ahead
         reserve = made.reserve
         known = Known(*(plants[name].copy() for name in Known._fields))
-        entries = [(i, k, barrier) for (i, k), barrier in scene.own.items()]
+        entries = [Entry(i, k, barrier) for (i, k), barrier in scene.own.items()]
         least = scene.own_margin + reserve.fixed
         reserve.write(
             (scene.kind, scene.parameters), least,
@@ -110,7 +110,7 @@ class PlanarRows:
                 with np.errstate(all="ignore"):
                     write_own_row(
                         barrier, x[i], float(time[i]), made.row_settings, of_row, out[i, k],
-                        (self._kinks, i),
+                        self._kinks.from_plant(i),
                     )  # fmt: skip
             except UNREADABLE:
                 out[i, k, B] = np.nan

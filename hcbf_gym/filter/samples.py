@@ -1,7 +1,7 @@
-"""The samples of N plants, one record a plant.
+"""The samples of N plants: what a reader returned of each, in one record a plant.
 
-What is misshaped, too old or not a number is a fault of that plant, and the core
-(`state_check.hpp`) does not accept it.
+A value that is malformed, too old or NaN is a *fault* of that plant, a `Reason` by its number. The
+core (`state_check.hpp`) *accepts* a state where there is none.
 """
 
 from types import EllipsisType
@@ -25,40 +25,32 @@ KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))
 
 
 class State(NamedTuple):
-    """What is given of N plants, and the states that were accepted last.
+    """The states of N plants as they were given, and as they were accepted last."""
 
-    Attributes:
-        x: (N, n) as the rows read it.
-        model: (N, n) the reduced-order model's own.
-        lag: (N, n) the body's minus the model's.
-        covariance: (N, n, n) of x.
-        accepted: (N, n) the last that was accepted.
-    """
-
-    x: Array
-    model: Array
-    lag: Array
-    covariance: Array
-    accepted: Array
+    x: Array  # (N, n) as the rows read it
+    model: Array  # (N, n) the reduced-order model's own
+    lag: Array  # (N, n) the body's minus the model's
+    covariance: Array  # (N, n, n) of x
+    accepted: Array  # (N, n) the last x that was accepted
 
 
 class Samples:
     """The records of N plants, and their states.
 
-    `apart` states stand beside the records, as those of any length do.
+    States of planar double integrators are in the records; those `apart` have their own arrays.
 
     Attributes:
         plants: (N,) `plants.PLANT`.
-        words: (N, …) the numbers that `plants` is made of.
-        states: of them.
-        input: (N, n_u) that was applied last.
+        words: (N, …) the numbers of which `plants` consists.
+        states: of the plants.
+        input: (N, n_u) which was applied last.
         time: (N,) of the states [s].
-        steps: (N,) of the episode, which count where no estimate has a time.
-        has_parts: whether a sample held more than x.
-        wrong_age: what is wrong with a stamp, for plants of the reason AGE.
-        origin: from where positions count.
-        is_rebased: whether that is elsewhere since this sample.
-        fresh: (N,) which plants begin an episode.
+        steps: (N,) since the reset; they make the time where an estimate has none.
+        has_parts: whether the latest sample held a model, a lag or a covariance besides x.
+        wrong_age: why a state is of the wrong age, for plants of the reason AGE.
+        origin: the position from which positions count.
+        is_rebased: whether the latest sample moved it.
+        fresh: (N,) the plants whose episode begins.
     """
 
     def __init__(self, plant: Plant, n_u: int, count: int, apart: bool):
@@ -66,7 +58,7 @@ class Samples:
         self._max_age = np.inf if plant.max_age is None else plant.max_age
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._drives = plant.axle is not None
-        # whether there is anything to take back
+        # if the latest sample had a fault, parts besides x, an elapsed time, which the next resets
         self._faulty, self.has_parts, self._varies = False, False, False
         self.wrong_age, self.is_rebased = "", False
         self.fresh: Mask = np.ones(count, dtype=np.bool_)

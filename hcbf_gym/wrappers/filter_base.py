@@ -13,7 +13,7 @@ from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, count, floats, instance, warn_caller
-from hcbf_gym.filter.certified import Earned, certified, differs, limits
+from hcbf_gym.filter import certified
 from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
@@ -58,7 +58,7 @@ class FilterBase:
         given = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
         count("threads", threads)
         one = None if certificate is None else certificates.load(certificate)
-        self.plant = plant = given if one is None else certified(given, one, self._inner)
+        self.plant = plant = given if one is None else certified.certified(given, one, self._inner)
         check_order(self.env)
         check_observations(self.env, plant)
         check_spaces(plant, *spaces)
@@ -67,7 +67,8 @@ class FilterBase:
         self._dtype = None if plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
             self._core.made.applied_as(self._dtype)
-        self._limits = limits(settings._asdict(), plant, differs(given, self._inner), one)
+        differences = certified.differences_of(given, self._inner)
+        self._limits = certified.judge_filter(settings, plant, differences, one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
         self._observation: object = None
         self._info: Info = {}
@@ -76,7 +77,8 @@ class FilterBase:
         self._is_first = True  # no episode has begun yet
         self._raised: set[str] = set()  # the readers that were warned of
         own = callable(plant.covered) and plant.covered not in READERS
-        self._covers_anew = own and not isinstance(plant.covered, Earned) and not self._limits
+        by_certificate = isinstance(plant.covered, certified.CertificateCoverage)
+        self._covers_anew = own and not by_certificate and not self._limits
         read_now = plant.barriers, plant.state, plant.goal, plant.extent
         others = [one for one in read_now if callable(one) and one not in READERS]
         others += [plant.covered] * self._covers_anew

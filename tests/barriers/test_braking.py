@@ -128,11 +128,13 @@ def test_what_a_scene_requests_beyond_u_and_its_speed_limit_is_found():
 
 
 @pytest.mark.parametrize("name", scenarios.names())
-def test_no_scene_of_this_package_requests_too_much(name):
+def test_no_scene_of_this_package_requests_too_much_but_lanes_faster_than_the_robot(name):
+    what = set()
     for seed in range(20):
         scene = scenarios.make(name, np.random.default_rng(seed))
         cap = 1.5 if scene.v_max is None else scene.v_max
-        assert found([*scene.barriers, SpeedLimit("cap", 1, cap)], margin=0.18) == []
+        what |= {*found([*scene.barriers, SpeedLimit("cap", 1, cap)], margin=0.18)}
+    assert what == ({"flight"} if name == "random-crossing" else set())
 
 
 def test_a_margin_that_leaves_nothing_of_a_speed_limit_is_refused():

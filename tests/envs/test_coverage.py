@@ -13,7 +13,7 @@ from hcbf_gym import Plant, certificates, models, scenarios
 from hcbf_gym.certificates import judge
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.estimation import sensors
-from hcbf_gym.filter.certified import limits
+from hcbf_gym.filter.certified import judge_filter
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import Box, Coverage, CoveredBy, DoubleIntegrator
 from hcbf_lab.certification.mixture import A1Mixture
@@ -115,7 +115,7 @@ def outside(asked, plant, certificate=None):
     """Return what of a filter's arguments lies outside."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoverageWarning)
-        found = limits(asked._asdict(), plant, [], certificate)
+        found = judge_filter(asked, plant, [], certificate)
     assert found is None or (found.covered, found.covered_by) == (0, CoveredBy.FILTER)
     return () if found is None else found.reasons
 

@@ -1,0 +1,51 @@
+"""How inputs reach the barriers of a model, found once for all barriers that they reach alike."""
+
+from hcbf_gym.barriers.barrier import Barrier, checked
+from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.function_cache import FunctionCache
+from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
+from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
+from hcbf_gym.barriers.speed_limit import SpeedLimit
+from hcbf_gym.errors import InvalidInputError, UnreachableError
+from hcbf_gym.models.reduced_order import ReducedOrderModel
+
+_BOUNDED = {*SHAPES} - {HalfPlane}
+"""Shapes whose h depends on both coordinates of the position, whatever their numbers are."""
+
+
+class Reaches:
+    """Finds how inputs reach barriers of a model; `functions` finds it of functions."""
+
+    def __init__(self, model: ReducedOrderModel, functions: FunctionCache) -> None:
+        self._model, self._functions = model, functions
+        self._somewhere = samples(model)[0][0]
+        self._known: dict[tuple[type[Barrier], bytes], Reach] = {}
+
+    def of(self, barrier: Barrier) -> Reach:
+        """Return how inputs reach a barrier.
+
+        Raises:
+            InvalidInputError: if none has appeared in the second derivative, or the barrier is a
+                speed limit and the model has no velocity.
+        """
+        if isinstance(barrier, Function):
+            return self._functions.groups([[barrier]])[0].kernel.reaches[0]
+        if isinstance(barrier, SpeedLimit) and self._model.velocity_at != 2:
+            raise InvalidInputError(
+                f"{barrier.name}: got a speed limit for {self._model}, expected a model with its "
+                "velocity in x[2:4]"
+            )
+        cls = type(barrier)
+        key = cls, b"" if cls in _BOUNDED else self._sloping_states(barrier)
+        if key not in self._known:
+            self._known[key] = reach_by_jets(barrier, self._model)
+        return self._known[key]
+
+    def _sloping_states(self, barrier: Barrier) -> bytes:
+        """Return which entries of ∇h differ from 0, by which barriers of one class differ."""
+        try:
+            jet = barrier.jet(self._somewhere, 0.0)
+            jet = checked(barrier, jet, self._model.n, finite=False)
+        except InvalidInputError as error:
+            raise UnreachableError(str(error)) from error
+        return (jet.gradient != 0.0).tobytes()
