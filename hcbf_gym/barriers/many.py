@@ -102,10 +102,14 @@ class Shapes:
         moving = finite_array(f"{name}: velocity", moving, expected, largest=FARTHEST)
         self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]] = moving
         self.parameters.flags.writeable = False
-        lasts = np.broadcast_to(reals(f"{name}: moves_for", moves_for), shape_of)
-        if not (lasts >= 0.0).all():
-            raise InvalidInputError(f"{name}: moves_for: got {shown(moves_for)}, expected >= 0 s")
-        self.moves_for = lasts
+        lasts = reals(f"{name}: moves_for", moves_for)
+        fits = lasts.shape == (shape_of[-lasts.ndim :] if lasts.ndim else ())
+        if not (fits and (lasts >= 0.0).all()):
+            raise InvalidInputError(
+                f"{name}: moves_for: got {shown(moves_for)}, expected one time >= 0 [s], or "
+                f"{shape_of} of them"
+            )
+        self.moves_for = np.broadcast_to(lasts, shape_of)
 
     def of_plant(self, i: int, count: int) -> Array:
         """Return (k, WIDTH) the numbers of plant `i` of `count`.
