@@ -17,7 +17,7 @@ from walkers import CARTS, LEARNED
 ROM, A1, WALKER = "HCBF-Regions-v0", "HCBF-A1Regions-v0", "HCBF-WalkerRegions-v0"
 WALKERS = (*CARTS, *LEARNED)
 KINDS = (ROM, A1, *WALKERS)
-CODES = {"status", "reason", "covered", "covered_by", "proved"}
+CODES = {"status", "reason", "covered", "covered_by", "proved", "verified"}
 
 
 def make(kind, **options):

@@ -6,6 +6,7 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
+from needs import needs
 from readable_gate import input_of, moved, path, reserves
 
 import hcbf_gym
@@ -382,7 +383,9 @@ def function(x, t):
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: filtered([Function("mine", 1, function)]), 'strict="rows"'),
+        pytest.param(
+            lambda: filtered([Function("mine", 1, function)]), 'strict="rows"', marks=needs("jax")
+        ),
         (lambda: hcbf_gym.BatchFilter(BOX, T, strict="gate"), "expected one of"),
         (lambda: hcbf_gym.BatchFilter(BOX, T, strict={"kinds": 1}), "unknown option"),
         (lambda: hcbf_gym.BatchFilter(BOX, T, strict={"directions": 0}), "directions"),
