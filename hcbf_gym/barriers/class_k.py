@@ -157,20 +157,16 @@ class BrakeClassK(ClassK):
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK, "brake": BrakeClassK}
 GAIN: float = _core.GAIN
-"""Of α₂ and of speed limits [1/s], where the planar double integrator is the robot's motion."""
-CAUTIOUS = 2.0
-"""Of other models, whose rows look at the sample alone, and of bodies that lag behind their model,
-whose `Uncertainty.cap` is not 0: docs/rows.md has the table."""
+"""Of α₂ and of speed limits [1/s], unless they are given."""
 
 
-def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
-    """Return α₂, and that of speed limits, unless the user gives them: ``min(gain, 0.5/T) · ψ``.
+def unless_given(period: float | None) -> LinearClassK:
+    """Return α₂, and that of speed limits, unless the user gives them: ``min(2, 0.5/T) · ψ``.
 
     Args:
         period: T [s]; None takes the longest that rows allow for.
-        gain: of the plant [1/s], `GAIN` or `CAUTIOUS`.
     """
-    return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD, gain))
+    return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD))
 
 
 def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:

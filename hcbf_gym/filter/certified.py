@@ -16,7 +16,7 @@ from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
 from hcbf_gym.certificates import Certificate, Judged, judge, warn_of_version
 from hcbf_gym.errors import CoverageWarning, warn_caller
-from hcbf_gym.filter.settings import FilterSettings, alpha2_of, alphas_of
+from hcbf_gym.filter.settings import FilterSettings, alphas_of
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
@@ -136,7 +136,7 @@ def _comparable(settings: FilterSettings, plant: Plant) -> dict[str, object]:
             "program": programs.plain(settings.program),
             "on_alarm": None if settings.on_alarm == plant.on_alarm else settings.on_alarm,
             "options": {name: one for name, one in options.items() if name not in alphas},
-            "alpha_gain": alpha2_of(plant).gain,
+            "alpha_gain": class_k.unless_given(plant.period).gain,
         }
     )
 

@@ -7,12 +7,11 @@ import numpy as np
 
 from hcbf_gym import programs
 from hcbf_gym.barriers import class_k
-from hcbf_gym.barriers.class_k import ClassK, LinearClassK, LogClassK
+from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
-from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 ROW_OPTIONS = ("alpha1", "alpha2", "alpha_speed")
 """Options that are not the program's."""
@@ -38,19 +37,10 @@ class FilterSettings(NamedTuple):
     strict: str | Mapping[str, object] = "rows"
 
 
-def alpha2_of(plant: Plant) -> LinearClassK:
-    """Return α₂, and that of speeds, of a plant unless the user gives them.
-
-    The greater gain is for rows that hold for the whole period, those of the planar model.
-    """
-    exact = plant.model == DoubleIntegrator() and plant.uncertainty.cap == 0.0
-    gain = class_k.GAIN if exact else class_k.CAUTIOUS
-    return class_k.unless_given(plant.period, gain)
-
-
 def alphas_of(options: Mapping[str, Any], plant: Plant) -> dict[str, ClassK]:
     """Return α₁, α₂ and that of speeds by their names, those of the options or the plant's."""
-    own = LogClassK(), alpha2_of(plant), alpha2_of(plant)
+    linear = class_k.unless_given(plant.period)
+    own = LogClassK(), linear, linear
     known = zip(ROW_OPTIONS, own, strict=True)
     return {name: class_k.make(options.get(name, alpha)) for name, alpha in known}
 
