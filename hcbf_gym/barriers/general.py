@@ -170,10 +170,11 @@ class GeneralRows:
             for i in range(len(x)):
                 one = slice(i, i + 1)
                 scene = BarrierSet([scenes.scenes.listed[i]])
-                scene.parameters[:] = scenes.scenes.parameters[one]
+                m = scene.kind.shape[1]  # a batch fills up shorter scenes
+                scene.parameters[:] = scenes.scenes.parameters[one, :m]
                 part = prepared(scene, self.functions, self.reach)
                 here = (self.kinks, i) if kinks is None else (kinks[0], kinks[1] + i)
-                self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one], here)
+                self.write(part, x[one], t[one], (terms[0][one], terms[1][one]), out[one, :m], here)
 
     def _write(
         self,

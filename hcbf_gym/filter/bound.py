@@ -73,13 +73,17 @@ class Bound:
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs, which binds its own arrays."""
-        parts = ("core", "plants", "rows", "u_nominal", "_head", "_scene")
+        parts = "core", "plants", "rows", "u_nominal", "_head"
         return {name: value for name, value in vars(self).items() if name not in parts}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
+        scene = self._scene
         self._make_core()
         self._divide(self._numbers)
+        if scene[0] is not None:  # of the last step, which `again` answers once more
+            self._scene = scene
+            self.core.set_scene(*scene)
 
     def widen(self, m: int, total: int) -> None:
         """Make room for `total` rows, of which m are reported."""

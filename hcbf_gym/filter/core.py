@@ -210,6 +210,8 @@ class FilterCore:
 
         None where one input met all, or the state of the plant was not accepted.
         """
+        if not 0 <= i < self.count:
+            raise InvalidInputError(f"i: got {i}, expected a plant from 0 to {self.count - 1}")
         if 0 < self._bound.plants["reason"][i] < FIRST_ALARM:
             return None
         return conflict_of(self._bound, i, None if self.plant.axle else self.input_set)

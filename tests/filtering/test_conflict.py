@@ -1,5 +1,8 @@
 """The conflict of a filtered step: the same answer as from rows that are made by hand."""
 
+import copy
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ import hcbf_robots
 from hcbf_gym import Estimate, Plant, programs
 from hcbf_gym.barriers import BarrierSet, CbfRows, Disc, HalfPlane
 from hcbf_gym.barriers.planar_rows import planar_rows
-from hcbf_gym.errors import SafetyWarning
+from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.models import Box, SingleIntegrator
 from hcbf_gym.programs import FilterResult, FilterStatus
 from tests.worlds import World
@@ -107,3 +110,18 @@ def test_a_model_that_is_not_compiled():
     found = env.conflict()
     assert found is not None
     assert found.rows == (0, 1)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda filt: pickle.loads(pickle.dumps(filt))])
+def test_a_copy_reports_the_conflict_of_the_last_step_and_steps_on_alike(copied):
+    filt = hcbf_gym.BatchFilter(Box.symmetric(1.0), 0.05, 2)
+    filt.set_scene([Disc("left", 1, (0.6, 0.0), 0.5), Disc("right", 2, (-0.6, 0.0), 0.55)])
+    x = np.array([[0.0, 0.0, 0.9, 0.0]] * 2)
+    filt.reset(x=x)
+    filt(np.ones((2, 2)), x)
+    other = copied(filt)
+    assert filt.conflict(1) is not None
+    assert other.conflict(1) == filt.conflict(1)
+    assert np.array_equal(other(np.ones((2, 2)), x)[0], filt(np.ones((2, 2)), x)[0])
+    with pytest.raises(InvalidInputError, match="from 0 to 1"):
+        other.conflict(2)

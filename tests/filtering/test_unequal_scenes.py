@@ -16,7 +16,7 @@ from hcbf_gym.barriers import (
     Shapes,
     SpeedLimit,
 )
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, SafetyWarning
 from hcbf_gym.models import Axle, Box, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps import Grid, MapClass, RankedMap
@@ -246,3 +246,36 @@ def test_a_region_that_is_gone_moves_no_longer_whatever_the_other_plants_see():
 def test_a_plant_that_was_too_fast_is_unsafe_no_longer_than_its_speed_lasts():
     program = PROGRAMS[363 // len(ROBOTS) % len(PROGRAMS)]
     assert compare_batch(363, "drag", program, None).total() > 0
+
+
+FAR = 1.5
+
+
+class Failing(OwnDisc):
+    """A user's own that raises at one place."""
+
+    def jet(self, x, t=0.0):
+        if x[0] == FAR:
+            raise ValueError("far")
+        return super().jet(x, t)
+
+
+def test_a_plant_alone_brakes_where_its_own_condition_raises():
+    plant = Plant(
+        models.DoubleIntegrator(drag=0.5),
+        lambda *_: (),
+        lambda *_: (),
+        Box.symmetric(3.0, 2),
+        period=T,
+    )
+    core = core_of(plant, "lex-cbf-qp", 3)
+    failing = Failing("c", 1, (0.0, -5.0), 0.5)
+    scenes = [[Disc("a", 1, (3.0, 0.0), 0.5), OwnDisc("b", 2, (0.0, 5.0), 0.5)], [failing], []]
+    x = np.zeros((3, 4))
+    core.restart(np.ones(3, dtype=np.bool_))
+    core.cover(0)
+    core.begin(scenes, Estimate(x, np.zeros(3)), None, None)
+    x[1, 0] = FAR
+    with pytest.warns(SafetyWarning, match="of 3 plants|far"):
+        _, report = core.step(np.ones((3, 2)), scenes, Estimate(x, np.full(3, T)))
+    assert (report["status"] == FilterStatus.BACKUP).tolist() == [False, True, False]
