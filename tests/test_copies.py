@@ -33,8 +33,9 @@ class Env(NamedTuple):
     def go(self, steps):
         out = []
         for _ in range(steps):
-            observation, *_, info = self.env.step(self.u)
-            out += [observation, info["safety_filter"]["u_safe"], info["safety_filter"]["h"]]
+            observation, reward, *_, info = self.env.step(self.u)
+            report = info["safety_filter"]
+            out += [observation, reward, report["u_safe"], report["h"]]
         return out
 
 
