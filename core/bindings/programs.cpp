@@ -12,7 +12,6 @@ namespace hcbf {
 
 namespace {
 
-using polygon::Point, polygon::Polygon;
 using program_records::Lock, program_records::Lower;
 
 using Numbers1 = Numbers<const double, 1>;
@@ -32,28 +31,10 @@ void bind_planar(nb::module_& m) {
       .def(nb::init<Index, bool, Index, bool, bool, double, double, bool, const Numbers<const double, 3>&,
                     const Numbers2&>(),
            "lower"_a, "by_level"_a, "lock"_a, "ranks"_a, "guided"_a, "radius"_a, "lambda_u"_a,
-           "known_offset"_a, "vertices"_a, "weights"_a, "Copy what `planar.records.Settings` has.")
+           "known_offset"_a, "vertices"_a, "weights"_a, "Copy the settings of a program.")
       .def("filter", &PlanarProgram::filter, "u_nominal"_a, "a"_a, "b"_a, "h"_a, "priority"_a, "alpha2_psi"_a,
            "answer"_a.noconvert(), Unlocked(),
            "Write u, slack, delta and statuses of N states; False where u* or a row is malformed.");
-  m.def("polygon_cut", [](const Numbers2& corners, std::pair<double, double> n, double d, double radius) {
-    const auto points = polygon::points(view(corners));
-    Polygon polygon{{points.begin(), points.end()}, {}};
-    polygon::cut(polygon, {{n.first, n.second}, d}, radius);
-    const double* numbers = &polygon.corners[0].x;
-    return array_of<2>({numbers, numbers + 2 * polygon.corners.size()}, {polygon.corners.size(), 2});
-  }, "corners"_a, "n"_a, "d"_a, "radius"_a, "Return the corners of a polygon cut to n u >= d.");
-  m.def("polygon_minimum", [](const Numbers2& corners, const Numbers2& a, const Numbers1& t,
-                              std::pair<double, double> u_nominal, double radius) {
-    const auto points = polygon::points(view(corners));
-    const Polygon polygon{{points.begin(), points.end()}, {}};
-    Polygon chord;
-    polygon::LeastSquares problem;
-    for (Index k = 0; k < view(t).size; ++k) problem.add(view(a)(k, 0), view(a)(k, 1), view(t)[k]);
-    const Point u = polygon::minimise(polygon, problem, {u_nominal.first, u_nominal.second}, radius, chord);
-    return std::pair(u.x, u.y);
-  }, "corners"_a, "a"_a, "t"_a, "u_nominal"_a, "radius"_a,
-  "Return the point of a polygon that minimises |a u - t|²; of several, the nearest to u*.");
 }
 
 // A solver of Python's: `project(centre, a, lower, nonempty)` returns the point, or None.

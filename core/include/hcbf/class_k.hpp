@@ -1,5 +1,6 @@
-// Extended class-K functions α, and what rows are made by. They are strictly increasing, α(0) = 0, with derivative and inverse. There is a
-// linear one, α(h) = gain h, and the paper's (section IV-A), of slope φ₁φ₂ / (φ₂|h| + φ₃):
+// Extended class-K functions α, and what rows are made by. α is strictly increasing, α(0) = 0, with derivative
+// and inverse. There is a linear one, α(h) = gain h, and the paper's (section IV-A), of slope
+// φ₁φ₂ / (φ₂|h| + φ₃):
 //
 //     α(h) = sign(h) φ₁ (log(φ₂|h| + φ₃) − log φ₃).
 #pragma once
