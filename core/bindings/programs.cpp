@@ -31,7 +31,7 @@ void bind_planar(nb::module_& m) {
       .def(nb::init<Index, bool, Index, bool, bool, double, double, bool, const Numbers<const double, 3>&,
                     const Numbers2&>(),
            "lower"_a, "by_level"_a, "lock"_a, "ranks"_a, "guided"_a, "radius"_a, "lambda_u"_a,
-           "known_offset"_a, "vertices"_a, "weights"_a, "Copy what `planar.records.Settings` has.")
+           "known_offset"_a, "vertices"_a, "weights"_a, "Copy the settings of a program.")
       .def("filter", &PlanarProgram::filter, "u_nominal"_a, "a"_a, "b"_a, "h"_a, "priority"_a, "alpha2_psi"_a,
            "answer"_a.noconvert(), Unlocked(),
            "Write u, slack, delta and statuses of N states; False where u* or a row is malformed.");

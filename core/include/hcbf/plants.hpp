@@ -212,7 +212,7 @@ struct Plants {
   Cube<const double> parameters;
   Matrix<const Index> priority;
   Matrix<const double> own_margin;
-  Cube<const double> own;  // see `barriers.general_kernels`
+  Cube<const double> own;  // see `general_rows.hpp`
   Records<Plant> sensed;
   Records<report::Plant> reports;
   Matrix<report::Row> rows;
