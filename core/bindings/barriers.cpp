@@ -36,7 +36,7 @@ void bind_class_k(nb::module_& m) {
       "c"_a, "h"_a, "out"_a, "Write α(h) (m,) of h (m,).");
   m.def("class_k_slope", &class_k::slope<double>, "c"_a,
       "h"_a, "Return dα/dh.");
-  m.def("class_k_gain_at", &class_k::gain_at, "period"_a, "Return the gain at a period T [s].");
+  m.def("class_k_gain_at", &class_k::gain_at, "period"_a, "gain"_a, "Return the gain at a period T [s].");
   m.attr("GAIN") = class_k::GAIN;
   m.attr("LONGEST_HOLD") = mapped::LONGEST_HOLD;
   m.def("class_k_inverse", &class_k::inverse, "c"_a,

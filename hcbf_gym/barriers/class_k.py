@@ -157,16 +157,17 @@ class BrakeClassK(ClassK):
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK, "brake": BrakeClassK}
 GAIN: float = _core.GAIN
-"""Of α₂ and of speed limits [1/s], unless they are given."""
+"""Of α₂ and of speed limits [1/s], where the robot moves as its model; else `Plant.gain`."""
 
 
-def unless_given(period: float | None) -> LinearClassK:
-    """Return α₂, and that of speed limits, unless the user gives them: ``min(2, 0.5/T) · ψ``.
+def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
+    """Return α₂, and that of speed limits, unless the user gives them: ``min(gain, 0.5/T) · ψ``.
 
     Args:
         period: T [s]; None takes the longest that rows allow for.
+        gain: of the plant [1/s].
     """
-    return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD))
+    return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD, gain))
 
 
 def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:

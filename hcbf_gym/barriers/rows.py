@@ -86,7 +86,7 @@ class RowSettings:
 
     Args:
         alpha1: α₁, applied to h at relative degree 2; the paper's logarithm unless given.
-        alpha2: α₂, applied to ψ; linear with gain ``min(2, 0.5/T)`` [1/s] unless given.
+        alpha2: α₂, applied to ψ; linear with gain ``min(10, 0.5/T)`` [1/s] unless given.
         period: T, how long u is held [s]: rows then preserve h ≥ 0 between two samples, too.
             None makes the usual rows, which look at the sample alone.
         u_max: the largest norm of an input [m/s²]; a held row needs it, and a row that is late

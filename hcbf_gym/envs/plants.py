@@ -9,14 +9,14 @@ from gymnasium.envs.registration import EnvSpec
 
 from hcbf_gym import certificates, records
 from hcbf_gym.arrays import Array, Info
-from hcbf_gym.barriers import Barrier
+from hcbf_gym.barriers import Barrier, class_k
 from hcbf_gym.certificates import Judged, NearestCertificate, warn_of_version
 from hcbf_gym.envs import task
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, warn_caller
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import EXACT, CoveredBy, Plant, Uncertainty
+from hcbf_gym.models.plant import CAUTIOUS, EXACT, CoveredBy, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.scenarios import Scenario
 
@@ -44,6 +44,7 @@ class PlantModel(NamedTuple):
     nearest: NearestCertificate  # the shipped certificate that fits them best
     axle: Axle | None = None  # what limits a differential drive; None for all others
     braking: float | None = None  # deceleration with which its body stops [m/s²]; None: that of U
+    gain: float = CAUTIOUS  # of α₂ and of α of speed limits [1/s]
     on_alarm: str = "brake"  # or "warn"
 
 
@@ -54,7 +55,9 @@ def exact(scenes: SceneSource, n: int | None = None) -> PlantModel:
         declared["intentions"] = "hidden"
     family = scenes.family({})
     nearest = certificates.nearest(declared | {"scene": family if n is None else [family] * n})
-    return PlantModel(own.input_set, own.v_max, EXACT, declared, nearest, on_alarm="warn")
+    return PlantModel(
+        own.input_set, own.v_max, EXACT, declared, nearest, gain=class_k.GAIN, on_alarm="warn"
+    )
 
 
 class RankedRegions:
@@ -114,6 +117,7 @@ class RankedRegions:
             period=task.CONTROL_DT,
             goal=_GOAL,
             uncertainty=known.uncertainty,
+            gain=known.gain,
             on_alarm=known.on_alarm,
             axle=known.axle,
             braking=known.braking,

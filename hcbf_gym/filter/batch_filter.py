@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import programs
 from hcbf_gym.arrays import Array, Info, Mask
+from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.many import Element, is_list
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.errors import (
@@ -19,6 +20,7 @@ from hcbf_gym.errors import (
     finite_array,
     finite_float,
     floats,
+    instance,
     library_of,
     reals,
 )
@@ -26,7 +28,7 @@ from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import EXACT, Coverage, Estimate, Plant, Uncertainty
+from hcbf_gym.models.plant import CAUTIOUS, EXACT, Coverage, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_gym.programs import ConflictReport
 
@@ -45,7 +47,8 @@ class BatchFilter:
         num_envs: N; None for one plant, whose arrays have no leading N.
         program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         guidance: as `wrappers.SafetyFilter` takes it.
-        uncertainty: how far a plant may be from its model; the default is an exact model.
+        uncertainty: how far a plant may be from its model; the default is an exact model. Where
+            more than the body is declared, `Plant.gain` is 2/s in the place of 10/s.
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], for guidance; None takes it from
             barriers, states and goals.
         on_alarm: "warn" or "brake", where a plant is not the one that was declared.
@@ -92,9 +95,12 @@ class BatchFilter:
         self._count = 1 if num_envs is None else int(num_envs)
         finite_float("period", period, minimum=0.0, exclusive=True)
         rows = options.pop("rows", "held")
+        instance("uncertainty", uncertainty, Uncertainty)
+        is_exact = uncertainty._replace(body=EXACT.body, confidence=EXACT.confidence) == EXACT
+        gain = class_k.GAIN if is_exact else CAUTIOUS
         plant = Plant(
             DoubleIntegrator(), _nothing, _nothing, input_set, period=period, goal=None,
-            extent=extent, uncertainty=uncertainty,
+            extent=extent, uncertainty=uncertainty, gain=gain,
         )  # fmt: skip
         settings = FilterSettings(
             program, rows, guidance, None, None, on_alarm, False, options, strict

@@ -136,7 +136,7 @@ def _comparable(settings: FilterSettings, plant: Plant) -> dict[str, object]:
             "program": programs.plain(settings.program),
             "on_alarm": None if settings.on_alarm == plant.on_alarm else settings.on_alarm,
             "options": {name: one for name, one in options.items() if name not in alphas},
-            "alpha_gain": class_k.unless_given(plant.period).gain,
+            "alpha_gain": class_k.unless_given(plant.period, plant.gain).gain,
         }
     )
 

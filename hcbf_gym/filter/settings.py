@@ -39,7 +39,7 @@ class FilterSettings(NamedTuple):
 
 def alphas_of(options: Mapping[str, Any], plant: Plant) -> dict[str, ClassK]:
     """Return α₁, α₂ and that of speeds by their names, those of the options or the plant's."""
-    linear = class_k.unless_given(plant.period)
+    linear = class_k.unless_given(plant.period, plant.gain)
     own = LogClassK(), linear, linear
     known = zip(ROW_OPTIONS, own, strict=True)
     return {name: class_k.make(options.get(name, alpha)) for name, alpha in known}

@@ -191,6 +191,8 @@ class Uncertainty(NamedTuple):
     speed_per_velocity: float = 0.0
 
 
+CAUTIOUS = 2.0
+"""Gain of a plant that may lag behind its model or be pushed [1/s]."""
 EXACT = Uncertainty()
 """Of a plant that is its model."""
 
@@ -225,6 +227,9 @@ class Plant:
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], or a reader of it; None lets
             guidance take it from barriers, state and goal.
         uncertainty: how far the plant may be from its model; the default is an exact model.
+        gain: slope of α₂ and of α of speed limits unless the filter is given them, at most 0.5/T
+            [1/s]. 10 changes the input less, and suits a plant that moves as its model; 2 leaves
+            one that lags or is pushed the time to brake. `docs/rows.md` has the table.
         brake: u (n_u,) that brings the plant to rest, or a function of its state x (n,) that
             returns it; None takes the model's own, `ReducedOrderModel.brake`. The filter applies
             it where no state is valid, and after an alarm that makes it brake.
@@ -258,6 +263,7 @@ class Plant:
     goal: ArrayLike | Reader | None = None
     extent: ArrayLike | Reader | None = None
     uncertainty: Uncertainty = EXACT
+    gain: float = CAUTIOUS
     brake: ArrayLike | Callable[[Array], ArrayLike] | None = None
     max_age: float | None = None
     on_alarm: str = "warn"
@@ -281,7 +287,7 @@ class Plant:
             raise InvalidInputError(
                 "plant: one of to_action and from_action is missing, expected both or none"
             )
-        for name in ("period", "max_age", "braking", "fastest"):
+        for name in ("period", "gain", "max_age", "braking", "fastest"):
             given = getattr(self, name)
             if given is not None:
                 finite_float(f"plant: {name}", given, minimum=0.0, exclusive=name != "max_age")

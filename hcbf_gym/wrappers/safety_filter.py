@@ -59,7 +59,7 @@ class SafetyFilter(
             the input less (``docs/gatekeeper.md``); ``{"kind": "gatekeeper", "directions": 16,
             "manoeuvres": ["mine"]}`` has more of it. For the planar double integrator.
         **options: `alpha1` (default: the paper's logarithm), `alpha2` and, for speed limits and
-            zones, `alpha_speed` (default: a gain of 2/s, at most 0.5/T), class-K functions as
+            zones, `alpha_speed` (default: linear with the plant's gain), class-K functions as
             `barriers.class_k.make` reads them; all else goes to the program, such as `gamma0`,
             `delta_gamma`, `lambda_u`, `epsilon`.
 

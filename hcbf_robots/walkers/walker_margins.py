@@ -4,7 +4,7 @@ import math
 
 from hcbf_gym import certificates
 from hcbf_gym.barriers import braking
-from hcbf_gym.barriers.class_k import GAIN, LogClassK
+from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.speed_limit import leaves_speed
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -15,7 +15,7 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import Uncertainty
+from hcbf_gym.models.plant import CAUTIOUS, Uncertainty
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response
 
@@ -23,7 +23,7 @@ LEAST_DISTANCE = 0.02  # what rows reserve for any robot [m]
 LEAST_SPEED = 0.05  # what a speed limit reserves for any robot [m/s]
 BEYOND = 1.1
 """Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
-SETTLES = 1.0 / LogClassK().derivative(0.0) + 1.0 / GAIN
+SETTLES = 1.0 / LogClassK().derivative(0.0) + 1.0 / CAUTIOUS
 """1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
 a long turn, the robot settles nearer than its row requires."""
 FARTHER = 1.25  # of τ + δ + T that the body continues with a velocity error

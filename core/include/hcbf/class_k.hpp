@@ -65,10 +65,10 @@ struct ClassK {  // as `ClassK.parameters` in Python packs it
   double offset;  // φ₃, or c [m/s]
 };
 
-constexpr double GAIN = 2.0;  // of α₂ and of speed limits, where nothing else is given [1/s]
+constexpr double GAIN = 10.0;  // of α₂ and of speed limits, where a robot moves as its model [1/s]
 
 // The gain at a period T [s]: half of ψ is left after a hold.
-inline double gain_at(double period) { return std::min(GAIN, 0.5 / period); }
+inline double gain_at(double period, double gain = GAIN) { return std::min(gain, 0.5 / period); }
 
 // α(h).
 template <class Number>
