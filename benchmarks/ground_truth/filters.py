@@ -10,7 +10,6 @@ from benchmarks.ground_truth.truths import PERIOD, REACH, Truth
 from hcbf_gym import BatchFilter
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier
-from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.filter.settings import ROW_OPTIONS
 from hcbf_gym.models.input_sets import Box
 from hcbf_gym.models.plant import Reason
@@ -81,12 +80,3 @@ def _least_restrictive(truth: Truth, x: Array, u: Array) -> tuple[Array, Mask]:
     changes, applied = ~truth.permits(x, u), u.copy()
     applied[changes] = truth.best(x[changes])
     return applied, np.ones(len(x), dtype=np.bool_)
-
-
-def exists(options: dict[str, Any]) -> bool:
-    """Return whether this version takes the options of a filter."""
-    try:
-        BatchFilter(Box.symmetric(REACH), PERIOD, **options)
-    except (InvalidInputError, UnknownNameError):
-        return False
-    return True

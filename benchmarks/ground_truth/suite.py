@@ -29,15 +29,14 @@ DEEPER = -2e-3  # the same where the kernel is searched in two pieces
 def run(quick: bool) -> dict[str, Any]:
     """Return the figures of every filter, of the ranks, and of the grid."""
     n, pairs = (100, 100) if quick else (10_000, 1500)
-    ours = [name for name, options in RANKED.items() if filters.exists(options)]
-    alone = [*(name for name in ours if name in OURS), *PEERS, LEAST]
+    alone = [*OURS, *PEERS, LEAST]
     x = truths.disc().sample(n // 4, SPEEDS[1], np.random.default_rng(0))
     return {
         "alone": parallel(
             alone_figures, ((t, f, speed, n) for t in TRUTHS for f in alone for speed in SPEEDS)
         ),
         "tempo": parallel(tempo_figures, ((name,) for name in alone)),
-        "ranks": parallel(ranks_figures, ((name, pairs) for name in (*ours, *PEERS))),
+        "ranks": parallel(ranks_figures, ((name, pairs) for name in (*RANKED, *PEERS))),
         "grid": reachable.beside_the_search(x, quick),
     }  # fmt: skip
 
