@@ -101,11 +101,6 @@ def test_the_tables_have_every_filter_and_ranks_matter():
     assert [row[0] for row in made["ranks"].rows] == [HELD, "R"]
 
 
-def test_a_filter_that_this_version_lacks_is_left_out():
-    assert filters.exists(filters.RANKED[HELD])
-    assert not filters.exists({"strict": "nothing"})
-
-
 @pytest.mark.parametrize("intentions", ["known", "hidden"])
 @pytest.mark.filterwarnings("ignore")  # faster than the cap in a conflict, at which it is stopped
 @pytest.mark.parametrize("policy", ["pd", crossing.FULL])
