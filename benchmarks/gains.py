@@ -1,4 +1,5 @@
-"""Bodies that lag under attack, by the gains of α₂ and of the speed limit's α: why they keep 2.
+"""Bodies that lag under attack, by the gains of α₂ and of the speed limit's α: why they keep 2,
+and the model itself, which has 10.
 
 ``python -m benchmarks.gains --plants a1 cart`` prints a line for each plant and pair of gains, on
 the same seeds. Walkers need their data, see `docs/any_walker.md`.
@@ -19,15 +20,20 @@ from hcbf_lab.certification.command import caps_of
 from hcbf_lab.certification.families import HOSTILE, SceneFamily
 from hcbf_robots.walkers.walker import Walker
 
-GAINS = ((2.0, 2.0), (10.0, 2.0), (2.0, 10.0))
+GAINS = ((2.0, 2.0), (10.0, 2.0), (2.0, 10.0), (10.0, 10.0))
 FIRST_SEED = 930_000
+SCENES = {
+    "a1": ("HCBF-A1Regions-v0", ("random", "random-moving")),
+    "model": ("HCBF-Regions-v0", ("random", "random-moving", "random-wide")),
+    "model on maps": ("HCBF-Regions-v0", ("random-map",)),
+}
 
 
 def family_of(plant: str) -> SceneFamily:
-    """Return hostile episodes of a plant, "a1" or a name in `ROBOTS`."""
-    if plant == "a1":
-        two = (("random", 1.0), ("random-moving", 1.0))
-        return SceneFamily("HCBF-A1Regions-v0", scenes=two, policies=HOSTILE)
+    """Return hostile episodes of a plant, one of `SCENES` or a name in `ROBOTS`."""
+    if plant in SCENES:
+        env_id, names = SCENES[plant]
+        return SceneFamily(env_id, scenes=tuple((n, 1.0) for n in names), policies=HOSTILE)
     contract = ROBOTS[plant].contract
     caps, options = caps_of(Walker.load(contract)), {"robot": contract}
     return SceneFamily("HCBF-WalkerRegions-v0", options, policies=HOSTILE, caps=caps)
