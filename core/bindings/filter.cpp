@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <exception>
 #include <optional>
 #include <system_error>
 #include <thread>
@@ -91,8 +92,13 @@ class Filter {
     if (count < LEAST_PLANTS) return filter_some(0, count, rooms_[0]);  // sooner than the lock is released
     const nb::gil_scoped_release unlocked;
     std::vector<Index> found(parts, step::DONE);
+    std::vector<std::exception_ptr> raised(parts);  // by a manoeuvre of the user's
     const auto run = [&](Index part) {
-      found[part] = filter_some(count * part / parts, count * (part + 1) / parts, rooms_[part]);
+      try {
+        found[part] = filter_some(count * part / parts, count * (part + 1) / parts, rooms_[part]);
+      } catch (...) {
+        raised[part] = std::current_exception();
+      }
     };
     std::vector<std::thread> others;
     others.reserve(parts - 1);
@@ -105,6 +111,8 @@ class Filter {
     }
     run(0);
     for (std::thread& other : others) other.join();
+    for (const std::exception_ptr& one : raised)
+      if (one) std::rethrow_exception(one);
     return *std::max_element(found.begin(), found.end());
   }
 

@@ -102,7 +102,7 @@ RECORD(monitor::Inputs, FIELD(error), FIELD(missed), FIELD(exact), FIELD(off), F
 RECORD(monitor::Motion, FIELD(drift), FIELD(motion), FIELD(body), FIELD(bend), FIELD(in_a_row))
 RECORD(conclusion::Memory, FIELD(change), FIELD(kept), FIELD(headway), FIELD(unproved), FIELD(closing))
 RECORD(gatekeeper::Law, FIELD(target), FIELD(samples), FIELD(own), FIELD(begun))
-RECORD(gatekeeper::Reserve, FIELD(keep), FIELD(ahead), FIELD(drift), FIELD(speed))
+RECORD(gatekeeper::Reserve, FIELD(keep), FIELD(ahead), FIELD(drift), FIELD(speed), FIELD(faster))
 RECORD(gatekeeper::Memory, FIELD(law), FIELD(reserve), FIELD(rank), FIELD(sure), FIELD(lost))
 RECORD(Uncertainty, FIELD(distance), FIELD(per_velocity), FIELD(per_lead), FIELD(cap), FIELD(confidence),
        FIELD(body), FIELD(speed), FIELD(speed_per_velocity))

@@ -4,7 +4,8 @@
 // its least value is known. Of a disc ‖p(τ) − c‖² − (R + m(τ))² is a quartic, whose sign Bernstein's
 // coefficients decide: it has no root where none of them is negative, and is halved elsewhere. Every other
 // h is convex, thus above its tangent at the middle, which is quadratic: the interval is halved until that
-// tangent clears m, h does not, or less than `FINE` of the path is left.
+// tangent clears m, h does not, or less than `FINE` of the path is left: what has more than that in reserve
+// passes, wherever its intervals begin.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -14,7 +15,7 @@
 
 namespace hcbf::clearance {
 
-constexpr double FINE = 0.005;  // of a path on which a reserve is not looked for any further [m]
+constexpr double FINE = 1e-6;   // of a path on which a reserve is not looked for any further [m]
 constexpr int HALVINGS = 40;    // of an interval at most
 
 // A path in the frame of a region, and what is reserved along it.

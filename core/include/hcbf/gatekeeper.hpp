@@ -56,10 +56,15 @@ inline Reserve reserve_of(const Constants& c, const plants::Plant& plant) {
     const double known = plant.has_model != 0 ? 0.0 : c.velocity_error;
     return known + s.confidence * std::sqrt(margins::largest(covariance, 2) + growth);
   };
+  const double sure = margins::largest(covariance, 2);
+  const auto grown = [&](double from, double to) {
+    return s.confidence * (std::sqrt(sure + to) - std::sqrt(sure + from));
+  };
   const double now = c.period * fast(plant.growth), next = c.period * fast(2.0 * plant.growth);
   return {most - s.cap + tracking + now,
           s.cap - tracking + 2.0 * (c.position_error + spread + now) + next + c.period * slip + HAIR,
-          2.0 * fast(plant.growth) + HAIR, margins::of_speed(s, plant.lag, covariance)};
+          2.0 * fast(plant.growth) + HAIR, margins::of_speed(s, plant.lag, covariance) + grown(0.0, plant.growth),
+          grown(plant.growth, 2.0 * plant.growth)};
 }
 
 inline bool is_speed_limit(const One& p, Index k) { return p.kind[k] == layout::SPEED_LIMIT; }
@@ -70,25 +75,28 @@ inline bool is_due(const Gate& g, Index k) {
   return known && 1 <= g.p.priority[k] && g.p.priority[k] <= g.rank;
 }
 
-// The speed that a limit leaves after its margin, and of which `spare` is kept [m/s]; negative for none.
-inline double allowed(const Gate& g, Index k, double spare) {
-  const double limit = g.p.parameters(k, layout::V_MAX), margin = g.reserve.speed + g.p.own_margin[k];
-  return std::sqrt(std::max(0.0, limit * (limit - 2.0 * margin))) - spare;
+// The speed that a limit leaves to a manoeuvre that goes on, or to an input that is to be accepted [m/s];
+// negative for none.
+inline double allowed(const Gate& g, Index k, bool goes_on) {
+  const Reserve& reserve = g.reserve;
+  const double limit = g.p.parameters(k, layout::V_MAX);
+  const double margin = reserve.speed + g.p.own_margin[k] + (goes_on ? 0.0 : reserve.faster);
+  return std::sqrt(std::max(0.0, limit * (limit - 2.0 * margin))) - (goes_on ? 0.0 : reserve.drift);
 }
 
-// The least of these [m/s], at least 0; infinite without a limit.
-inline double fastest_of(const Gate& g, double spare) {
+// The least that is left to what is to be accepted [m/s], at least 0; infinite without a limit.
+inline double fastest_of(const Gate& g) {
   double fastest = INFINITY;
   for (Index k = 0; k < g.p.kind.size; ++k)
     if (is_due(g, k) && is_speed_limit(g.p, k))
-      fastest = std::min(fastest, std::max(0.0, allowed(g, k, spare)));
+      fastest = std::min(fastest, std::max(0.0, allowed(g, k, false)));
   return fastest;
 }
 
 // The input that leads to the velocity nearest to that of `u` within the strict speed limits.
 inline Point slowed(const Gate& g, const double* x, const Point& u) {
   const double vx = x[2] + u.x * g.plant.period, vy = x[3] + u.y * g.plant.period;
-  const double speed = std::hypot(vx, vy), share = (1.0 - BELOW) * fastest_of(g, g.reserve.drift) / speed;
+  const double speed = std::hypot(vx, vy), share = (1.0 - BELOW) * fastest_of(g) / speed;
   if (!(share < 1.0)) return u;
   const Point slower{(share * vx - x[2]) / g.plant.period, (share * vy - x[3]) / g.plant.period};
   return polygon::nearest<double>(g.plant.corners, slower);
@@ -133,13 +141,13 @@ struct Some {
 // Whether conditions hold while an input is held from a state on.
 inline bool hold(const Gate& g, const State& state, const Point& u, double span, Phase phase, Some some) {
   const double *x = state.x, at = g.time + state.since;
-  const double vx = x[2] + u.x * span, vy = x[3] + u.y * span;
+  const auto speed = [&](double after) { return std::hypot(x[2] + u.x * after, x[3] + u.y * after); };
   for (Index k = some.first; k < some.end; ++k) {
     if (!is_due(g, k)) continue;
     g.suspect = k;
     if (is_speed_limit(g.p, k)) {
-      const double most = allowed(g, k, phase == GOES_ON ? 0.0 : g.reserve.drift);
-      if (!(most >= 0.0 && vx * vx + vy * vy <= most * most)) return false;
+      const double most = allowed(g, k, phase == GOES_ON);  // between the two a speed is no greater
+      if (!(speed(std::min(span, g.plant.period)) <= most && speed(span) <= most)) return false;
     } else {
       clearance::Path path = seen(g.p, k, x, u, at, span);
       reserve(g, k, state.since, phase, path);
@@ -165,11 +173,16 @@ inline bool is_free(const Gate& g, const State& state, Phase phase, Some some) {
   return true;
 }
 
-// Whether a manoeuvre from a state on satisfies the conditions until it rests where no region comes.
-inline bool passes(const Gate& g, const Law& law, const State& state, Phase phase) {
+// Whether a manoeuvre from a state on satisfies the conditions until it rests where no region comes. Writes its
+// first input: a law of the user's may answer the same question differently.
+inline bool passes(const Gate& g, const Law& law, const State& state, Phase phase, Point& first) {
   const auto meets = [&](Some some) {
     State end = state;
-    const auto held = [&](const State& at, const Point& u, double span) { return hold(g, at, u, span, phase, some); };
+    first = {0.0, 0.0};
+    const auto held = [&](const State& at, const Point& u, double span) {
+      if (at.since == state.since) first = u;
+      return hold(g, at, u, span, phase, some);
+    };
     return manoeuvres::follow(g.plant, law, end, held) && is_free(g, end, phase, some);
   };
   const Index count = g.p.kind.size;
@@ -180,7 +193,8 @@ inline bool passes(const Gate& g, const Law& law, const State& state, Phase phas
 inline bool accepts(const Gate& g, State state, const Point& u, const Law& law) {
   if (!hold(g, state, u, g.plant.period, HELD, {0, g.p.kind.size})) return false;
   manoeuvres::move(state, u, g.plant.period);
-  return passes(g, law, state, AFTER);
+  Point first;
+  return passes(g, law, state, AFTER, first);
 }
 
 // The direction away from the nearest region, 0 where there is none.
@@ -205,7 +219,7 @@ bool any(const Gate& g, const State& state, const Attempt& attempt) {
   if (attempt(Law{})) return true;
   for (Index i = 0; i < g.laws; ++i)
     if (attempt(Law{{0.0, 0.0}, 0, i + 1, 0})) return true;
-  const double fastest = fastest_of(g, g.reserve.drift);
+  const double fastest = fastest_of(g);
   const double speed = std::hypot(state.x[2], state.x[3]), period = g.plant.period;
   const Point aside = away(g, state);
   for (const double duration : DURATIONS) {
@@ -220,12 +234,17 @@ bool any(const Gate& g, const State& state, const Attempt& attempt) {
   return false;
 }
 
-// Whether a strict region is nearer than m_keep: rows reserve nothing for the errors of a velocity.
+// Whether a strict region is nearer than m_keep: rows reserve nothing for the errors of a velocity. Nor do
+// they read where its path ends.
 inline bool is_near(Gate g) {
   g.rank = 1;
   bool near = false;
-  for (Index k = 0; k < g.p.kind.size; ++k)
-    if (is_due(g, k) && !is_speed_limit(g.p, k)) near |= g.h[k] < g.reserve.keep + g.p.own_margin[k];
+  for (Index k = 0; k < g.p.kind.size; ++k) {
+    if (!is_due(g, k) || is_speed_limit(g.p, k)) continue;
+    const double *c = g.p.parameters[k].data, end = g.p.ends.size > 0 ? g.p.ends[k] : INFINITY;
+    const bool moves = c[layout::VELOCITY_X] != 0.0 || c[layout::VELOCITY_Y] != 0.0;
+    near |= g.h[k] < g.reserve.keep + g.p.own_margin[k] || (moves && end < g.time + g.plant.period);
+  }
   return near;
 }
 
@@ -240,21 +259,23 @@ inline Found find(const Gate& g, const State& state, const Point& proposal, cons
     State after = state;
     manoeuvres::move(after, input, g.plant.period);
     u = input;
-    return any(g, state, [&](const Law& one) { return law = one, passes(g, one, after, AFTER); });
+    Point first;
+    return any(g, state, [&](const Law& one) { return law = one, passes(g, one, after, AFTER, first); });
   };
   if (is_accepted(proposal)) return ACCEPTED;
   bool sure = is_accepted(of_rows), some = sure;
   Law kept = law;
   if (!sure) {
     any(g, state, [&](const Law& one) {  // one that its own first input leads to, if there is one
-      if (!passes(g, one, state, GOES_ON)) return false;
-      sure = accepts(g, state, manoeuvres::next(g.plant, one, state.x).u, manoeuvres::later(one, 1));
-      if (sure || !some) kept = one;
+      Point begins;
+      if (!passes(g, one, state, GOES_ON, begins)) return false;
+      sure = accepts(g, state, begins, manoeuvres::later(one, 1));
+      if (sure || !some) kept = manoeuvres::later(one, 1), u = begins;
       some = true;
       return sure || g.p.plant.verified.sure != 0;  // what was accepted goes on
     });
     if (!some) return NONE;
-    u = manoeuvres::next(g.plant, kept, state.x).u, law = manoeuvres::later(kept, 1);
+    law = kept;
   }
   const Point first = u;
   double low = 0.0, high = 1.0;
@@ -386,11 +407,11 @@ inline void go_on(const Constants& c, const Settings& settings, const One& p, co
   const Gate g = gate_of(c, settings, p, own, reserved, p.plant.accepted_at + memory.lost, nullptr);
   const State state{{p.plant.x[0], p.plant.x[1], p.plant.x[2], p.plant.x[3]}, 0.0};
   const bool lasts = p.plant.known != 0 && memory.lost <= c.longest;
-  if (!lasts || !passes(g, memory.law, state, GOES_ON)) {
+  Point next;
+  if (!lasts || !passes(g, memory.law, state, GOES_ON, next)) {
     memory.rank = memory.sure = 0;
     return;
   }
-  const Point next = manoeuvres::next(g.plant, memory.law, state.x).u;
   memory.law = manoeuvres::later(memory.law, 1);
   u[0] = next.x, u[1] = next.y;
 }

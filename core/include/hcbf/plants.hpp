@@ -67,10 +67,11 @@ struct Law {
 
 // What is reserved along manoeuvres of one sample; docs/gatekeeper.md derives it.
 struct Reserve {
-  double keep;   // m_keep of regions [m]
-  double ahead;  // m_accept − m_keep at the next sample [m]
-  double drift;  // by how much that grows, and what a speed limit reserves more [m/s]
-  double speed;  // m_keep of speed limits [m/s]
+  double keep;    // m_keep of regions [m]
+  double ahead;   // m_accept − m_keep at the next sample [m]
+  double drift;   // by how much that grows, and what a speed limit reserves more [m/s]
+  double speed;   // m_keep of speed limits [m/s]
+  double faster;  // by how much that grows until the next sample
 };
 
 // The manoeuvre that was verified last; `rank` is 0 where there was none since the reset.
