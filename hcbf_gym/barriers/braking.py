@@ -175,23 +175,29 @@ def shortcomings(
     }
     where = {"flight": flees, "slowness": slow, "stopping": fast}
     where["slowing"] = is_zone.any(axis=1) & (able < brakes)
+    found = [
+        Shortcoming(what, mask, what == "slowness", texts[what]) for what, mask in where.items()
+    ]
     if np.isinf(alpha1.hardest_speed):
-        speed = left + moves
-        where["speed"] = np.isinf(left)
-        texts["speed"] = (
-            "a linear alpha1 requests more braking the faster the robot is, and the scene has no "
-            "strict speed limit; expected v_max, or the logarithm"
-        )
-        where["braking"] = hard = np.isfinite(speed) & (steep * speed > able)
-        most = _most(speed, hard)
-        texts["braking"] = (
-            f"a linear alpha1 requests {steep * most:.3g} m/s² of braking at the speed limit, and "
-            f"{reserve}; expected a gain of at most {able / max(most, TINY):.3g}"
-        )
+        found += _of_linear(steep, left + moves, able, reserve)
+    return [one for one in found if one.scenes.any()]
+
+
+def _of_linear(gain: float, speed: Array, able: float, reserve: str) -> list[Shortcoming]:
+    """Return what a linear α₁ requests in vain at the speeds (N,) at which regions are met."""
+    hard = np.isfinite(speed) & (gain * speed > able)
+    most = _most(speed, hard)
+    endless = (
+        "a linear alpha1 requests more braking the faster the robot is, and the scene has no "
+        "strict speed limit; expected v_max, or the logarithm"
+    )
+    late = (
+        f"a linear alpha1 requests {gain * most:.3g} m/s² of braking at the speed limit, and "
+        f"{reserve}; expected a gain of at most {able / max(most, TINY):.3g}"
+    )
     return [
-        Shortcoming(what, mask, what == "slowness", texts[what])
-        for what, mask in where.items()
-        if mask.any()
+        Shortcoming("speed", np.isinf(speed), False, endless),
+        Shortcoming("braking", hard, False, late),
     ]
 
 

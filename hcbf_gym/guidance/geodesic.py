@@ -164,11 +164,14 @@ class Geodesic:
         for n in np.flatnonzero(fresh).tolist():
             self._scenes[n], self._grounds[n] = scenes, grounds[n]
         self.goal[fresh], self.geometry[fresh] = goals[fresh], geometry[fresh]
-        cells = int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0))
+        self._make_room(int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0)))
+        self._solve_fresh(scenes, fresh, starts, now)
+
+    def _make_room(self, cells: int) -> None:
+        """Widen the fields of all scenes to a number of cells, if they have fewer."""
         missing = cells - self.field.shape[1]
         for name in ("field", "through", "zone") if missing > 0 else ():
             setattr(self, name, np.pad(getattr(self, name), ((0, 0), (0, missing))))
-        self._solve_fresh(scenes, fresh, starts, now)
 
     def _solve_fresh(self, scenes: BarrierSet, fresh: Mask, start: Array, now: Array) -> None:
         """Compute the fields of scenes that begin, and note where no path leads on their maps."""
