@@ -68,12 +68,6 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="benchmark",
         needs=("cbfpy", "elastiqp"),
     ),
-    "filter-models": Suite(
-        "suites.filter_models",
-        "what SafetyFilter adds for other models and solvers, and batches",
-        2,
-        ROM,
-    ),
     "monitor": Suite("suites.monitor", "are wrappers between filter and robot noticed?", 10, A1),
     "strict": Suite(
         "strict.suite",
@@ -121,13 +115,6 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         10,
         extra="examples",
         needs=("gymnasium_robotics", "jax", "stable_baselines3"),
-    ),
-    "functions": Suite(
-        "suites.functions",
-        "users' functions beside the analytic shapes",
-        1,
-        extra="benchmark",
-        needs=("cbfpy", "elastiqp"),
     ),
     "walkers": Suite(
         "walkers",
