@@ -101,7 +101,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "map-guidance": Suite(
         "map_guidance",
-        "guidance on maps: fields, who arrives, corridors, out of zones",
+        "guidance on maps: who arrives, corridors, out of zones",
         40,
         (*ROM, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*"),
     ),
@@ -126,7 +126,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "maps": Suite(
         "maps",
-        "maps: exact covers, attacks, speed zones, scans, walkers, costs",
+        "maps: exact covers, attacks, speed zones, walkers",
         90,
         (*ROM, *A1, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/maps/plans/*"),
         extra="walkers",

@@ -5,7 +5,6 @@ A1 walks them one by one. Both go through the wrappers, as a user's loop does.
 """
 
 import functools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -14,10 +13,9 @@ import gymnasium as gym
 import numpy as np
 from rich.progress import track
 
-from benchmarks.common import median, parallel, table
-from hcbf_gym import _core, guidance, policies, scenarios
+from benchmarks.common import parallel, table
+from hcbf_gym import policies
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.measures import deadlocked
@@ -40,13 +38,6 @@ class Cell(NamedTuple):
     scene: str  # a family's or a course's name
     policy: str  # as `policies.make` takes it
     guidance: Any = None  # as the filter takes it
-    program: str = "lex-cbf-qp"  # of the filter
-    # of the program
-    options: dict[str, Any] = {}  # noqa: RUF012 - never changed
-
-    def settings(self) -> FilterSettings:
-        """Return the same filter without guidance, made at its core."""
-        return FilterSettings(self.program, "held", None, None, None, None, False, self.options)
 
 
 ARRIVAL = (
@@ -61,13 +52,9 @@ ON_A1 = (
     *(("random", name, ("geodesic",)) for name in learned.names()),
     ("random-clutter", "pd", ("geodesic",)),
 )
+UNGUIDED = FilterSettings("lex-cbf-qp", "held", None, None, None, None, False, {})
+"""Of the same filter without guidance, made at its core."""
 KINDS = (None, "geodesic", "local")
-WEIGHTED: dict[str, dict[str, Any]] = {
-    "r-cbf-qp": {"gamma0": 5.0, "delta_gamma": 1.3},
-    "h-cbf-qp": {"gamma0": 5.0, "delta_gamma": 1.3},
-    "eh-cbf-qp": {"gamma0": 3.0, "delta_gamma": 1.5},
-}
-"""Programs with weights, which guidance reaches by shaping u*."""
 COURSES = ("paper-experiment-straight", "paper-simulation")
 
 
@@ -93,17 +80,15 @@ class Outcome:
 class Compared:
     """A policy in N scenes, and what the filter without guidance makes of its inputs."""
 
-    def __init__(self, env: Any, act: Any, cell: Cell, count: int):
-        self._env, self._act, self._settings = env, act, cell.settings()
+    def __init__(self, env: Any, act: Any, count: int):
+        self._env, self._act = env, act
         self.wanted = self.unguided = np.zeros((count, 2))
 
     @functools.cached_property
     def _core(self) -> FilterCore:
         """The filter without guidance, made after the reset."""
         env = self._env
-        return FilterCore(
-            env.plant, env.unwrapped.scenario.input_set, self._settings, len(self.wanted)
-        )
+        return FilterCore(env.plant, env.unwrapped.scenario.input_set, UNGUIDED, len(self.wanted))
 
     def __call__(self, observation: Any, info: Any) -> Array:
         """Return u*, and retain it beside the other input, which forgets what was applied."""
@@ -120,9 +105,9 @@ def on_model(cell: Cell, count: int) -> Outcome:
     env: Any = gym.make_vec(
         "HCBF-Regions-v0", num_envs=count, scenario=cell.scene, autoreset_mode="Disabled"
     )
-    env = VectorSafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
+    env = VectorSafetyFilter(env, guidance=cell.guidance)
     act = PDTracker.for_env(env) if cell.policy == "pd" else policies.load(cell.policy, env)
-    return _walked(env, Compared(env, act, cell, count), FIRST_SEED)
+    return _walked(env, Compared(env, act, count), FIRST_SEED)
 
 
 def on_a1(cell: Cell, count: int) -> Outcome:
@@ -135,8 +120,8 @@ def on_a1(cell: Cell, count: int) -> Outcome:
 def a1_episode(cell: Cell, seed: int) -> Outcome:
     """Walk one scene on the A1; the goal and h are the true trunk's."""
     env: Any = gym.make("HCBF-A1Regions-v0", scenario=cell.scene)
-    env = SafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
-    return _walked(env, Compared(env, policies.make(cell.policy, env), cell, 1), seed)
+    env = SafetyFilter(env, guidance=cell.guidance)
+    return _walked(env, Compared(env, policies.make(cell.policy, env), 1), seed)
 
 
 def _walked(env: Any, act: Compared, seed: int) -> Outcome:
@@ -171,7 +156,7 @@ def _walked(env: Any, act: Compared, seed: int) -> Outcome:
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the share of goals and what it cost, of every cell, program and course."""
+    """Return the share of goals of every cell and course."""
     count, on_robot = (20, 1) if quick else (1000, 100)
     arrival = []
     for scene, policy in track(ARRIVAL, "reduced order"):
@@ -184,12 +169,6 @@ def run(quick: bool) -> dict[str, Any]:
         outcomes = {kind: on_a1(Cell(scene, policy, kind), on_robot) for kind in kinds}
         for kind, outcome in outcomes.items():
             robot.append(_figures(Cell(scene, policy, kind), outcomes.get(None), outcome))
-    weighted = []
-    for program, options in WEIGHTED.items():
-        for kind in (None, "geodesic"):
-            cell = Cell("random", "pd", kind, program, options)
-            shares = _shares(on_model(cell, max(20, count // 5)))
-            weighted.append({"program": program, "guidance": kind, **shares})
     courses = []
     for scene in COURSES:
         for model, walk in (("reduced order", on_model), ("A1", on_a1)):
@@ -200,10 +179,7 @@ def run(quick: bool) -> dict[str, Any]:
                     | _shares(outcome)
                     | {"final_m": float(outcome.final[0])}
                 )
-    return {
-        "arrival": arrival, "A1": robot, "weighted": weighted, "courses": courses,
-        "cost": cost(quick),
-    }  # fmt: skip
+    return {"arrival": arrival, "A1": robot, "courses": courses}
 
 
 def _shares(outcome: Outcome) -> dict[str, Any]:
@@ -228,34 +204,6 @@ def _figures(cell: Cell, without: Outcome | None, with_it: Outcome) -> dict[str,
                 "later": float(np.median(later)),
                 "change": float(with_it.change[both].mean()),
             }
-    return figures
-
-
-def cost(quick: bool) -> list[dict[str, Any]]:
-    """Return the processor time of a scene's field [ms] and of a row [µs], medians over scenes."""
-    figures, many, guide = [], 1000, guidance.Geodesic()
-    for scene in scenarios.families():
-        if scene.startswith("map-"):
-            continue
-        times = []
-        for n in range(5 if quick else 50):
-            one = scenarios.make(scene, np.random.default_rng(n))
-            barriers = BarrierSet([one.barriers])
-            begun = time.thread_time()
-            guide.reset(barriers, one.goal, start=one.start)
-            times.append(time.thread_time() - begun)
-        of_field = (np.repeat(a, many, axis=0) for a in (guide.field, guide.geometry, guide.goal))
-        low, high = [0.0, -1.5, -1.0, -1.0], [6.0, 1.5, 1.0, 1.0]
-        x = np.random.default_rng(0).uniform(low, high, (many, 4))
-        row = functools.partial(_core.guidance_rows, *of_field, x, guide.pull, np.zeros((many, 3)))
-        figures.append(
-            {
-                "scene": scene,
-                "cells": int(guide.geometry[0, 3] * guide.geometry[0, 4]),
-                "field_ms": 1e3 * float(np.median(times)),
-                "row_us": median(row, 5 if quick else 30, time.thread_time) / many,
-            }
-        )
     return figures
 
 
@@ -284,19 +232,13 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         "later": percent("later"),
         "Δu [m/s²]": lambda row: "" if row["change"] is None else f"{row['change']:.3f}",
     }  # fmt: skip
-    weighted = {"program": "{program}", "guidance": kind, "arrives": percent("reached"),
-                enters: ranks, "deadlock": percent("deadlock")}  # fmt: skip
     courses = {
         "course": "{scene}", "model": "{model}", "guidance": kind,
         "arrives": lambda row: "yes" if row["reached"] else "no",
         "ends short by [m]": "{final_m:.2f}",
     }  # fmt: skip
-    costs = {"scenes": "{scene}", "cells": "{cells}", "field [ms]": "{field_ms:.2f}",
-             "row [µs]": "{row_us:.2f}"}  # fmt: skip
     return {
         "arrival": table("lex-cbf-qp on the reduced-order model", figures["arrival"], arrival),
         "arrival-a1": table("lex-cbf-qp on the A1", figures["A1"], arrival),
-        "weighted": table("programs with weights, PD on random", figures["weighted"], weighted),
         "courses": table("the paper's courses, PD under lex-cbf-qp", figures["courses"], courses),
-        "cost": table("what guidance costs", figures["cost"], costs),
     }
