@@ -132,14 +132,6 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="walkers",
         needs=("onnxruntime",),
     ),
-    "play": Suite(
-        "suites.playground",
-        "the playground's pace, updates and memory over ten minutes",
-        11,
-        A1,
-        extra="play",
-        needs=("viser",),
-    ),
     "ground-truth": Suite(
         "ground_truth.suite",
         "filters beside the exact kernel: what they change and miss",
