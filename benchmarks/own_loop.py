@@ -132,25 +132,6 @@ def loop(
     return Driven(np.array(path), least, statuses, alarms, robot.fallen)
 
 
-def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
-    """Return a planner that turns to a goal and drives; the next one counts within .3 m.
-
-    It knows nothing of the filter.
-    """
-    left = [np.array(goal) for goal in goals]
-
-    def plan(pose: Array) -> Array:
-        if len(left) > 1 and np.linalg.norm(left[0] - pose[:2]) < 0.3:
-            left.pop(0)
-        d = left[0] - pose[:2]
-        error = math.remainder(math.atan2(d[1], d[0]) - pose[2], math.tau)
-        turn = float(np.clip(2.0 * error, -0.6 * command.turn, 0.6 * command.turn))
-        ahead = speed * max(0.0, math.cos(error)) ** 3
-        return np.array([ahead, turn] if command.sideways is None else [ahead, 0.0, turn])
-
-    return plan
-
-
 def hostile(
     barriers: Sequence[Barrier], command: Command, rng: np.random.Generator, *, wanders: bool = True
 ) -> Planner:
