@@ -80,7 +80,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     "soak": Suite(
         "suites.soak", "memory over an hour of simulated time, with resets and faults", 10, A1
     ),
-    "programs": Suite("suites.programs", "time of each filter, beside peers", 4),
+    "programs": Suite("suites.programs", "time of each filter, beside cbfpy", 4),
     "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 20),
     "environments": Suite("suites.environments", "environment steps per second", 3, ROM),
     "monte-carlo": Suite(
@@ -118,7 +118,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "walkers": Suite(
         "walkers",
-        "robots that take velocities: attacked, towards goals, their speed",
+        "robots that take velocities: attacked, towards goals, how they follow",
         90,
         ("hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*", "tests/robots/contracts/*"),
         extra="walkers",
