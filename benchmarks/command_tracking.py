@@ -15,7 +15,6 @@ import tyro
 
 from benchmarks import faults
 from benchmarks.common import parallel
-from benchmarks.velocity_loops import LoopEpisode
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation.attacked import alarm_of, policy_of
 from hcbf_gym.evaluation.attacks import ATTACKS
@@ -32,11 +31,10 @@ ROBOTS = {
 """Contracts; the A1, which follows accelerations, has its own environment and alarms."""
 POLICIES = (*ATTACKS, "pd")
 FAMILIES = ("random", "random-moving")
-SEED, UNDISTURBED_SEED, LOOP_SEED, SHARE_SEED = 9_310_000, 9_720_000, 9_810_000, 9_910_000
+SEED, UNDISTURBED_SEED = 9_310_000, 9_720_000
 ROUND, MOST_ROUNDS = len(FAMILIES) * len(POLICIES), 60
 LENGTH = 1000
 """Steps of an episode with a fault, 20 s; undisturbed ones take what time slow robots have."""
-SHARES = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.4, 1.5)  # of a command, executed
 UNBRAKED = "floor .03"  # on which a cart cannot brake
 
 
@@ -62,10 +60,8 @@ class Seen(NamedTuple):
     reason: int = 0
 
 
-def run_one(
-    robot: str, fault: str | float | None, k: int, seed: int, on_alarm: str = "warn"
-) -> Seen:
-    """Run the k-th episode of a fault; a number is the executed share of the command."""
+def run_one(robot: str, fault: str | None, k: int, seed: int, on_alarm: str = "warn") -> Seen:
+    """Run the k-th episode of a fault."""
     capped = bool(k // ROUND % 2)
     env: Any = wrappers.SafetyFilter(environment(robot, FAMILIES[k % 2], capped), on_alarm=on_alarm)
     inner, seen = env.unwrapped, Seen()
@@ -75,8 +71,7 @@ def run_one(
     if info["min_h"][strict].min() < 0.0:
         return seen
     if fault is not None:
-        put = faults_of(robot)[fault] if isinstance(fault, str) else faults.follows(fault)
-        put(inner.drive)
+        faults_of(robot)[fault](inner.drive)
     most = None if fault is None else LENGTH
     for step, (_, info, *_) in enumerate(itertools.islice(walk, most), 1):
         if alarm_of(info) and seen.alarmed == math.inf:
@@ -121,34 +116,10 @@ def undisturbed(robot: str, count: int) -> str:
     return f"undisturbed: {len(reasons)} alarms in {count} episodes {reasons}"
 
 
-def shares(robot: str, count: int) -> Iterator[str]:
-    """Yield in how many episodes a share of the command is seen."""
-    for share in SHARES:
-        seen = parallel(run_one, ((robot, share, k, SHARE_SEED + k) for k in range(count)))
-        alarmed = sum(one.alarmed < math.inf for one in seen)
-        yield f"{share:g} of the command: alarm in {alarmed} of {count} episodes"
-
-
-def loops(count: int) -> str:
-    """Return how many loops of `VelocityFilter` alarmed, 30 % of the messages lost, with jitter."""
-    episodes = [
-        LoopEpisode(
-            ("cart", "holonomic-cart")[k % 2], tuple(ATTACKS)[k // 2 % len(ATTACKS)],
-            FAMILIES[k // 16 % 2], LOOP_SEED + k, (20.0, 50.0, 100.0)[k % 3], 1.2, lost=0.3,
-        )
-        for k in range(count)
-    ]  # fmt: skip
-    seen = parallel(LoopEpisode.run, ((one,) for one in episodes))
-    reasons = [(k, one.alarm) for k, one in enumerate(seen) if one.alarm]
-    return f"VelocityFilter: {len(reasons)} alarms in {count} loops {reasons}"
-
-
 def main(
     robots: tuple[str, ...] = tuple(ROBOTS),
     entering: int = 100,
     calm: int = 300,
-    loop: int = 100,
-    share: int = 36,
 ) -> None:
     """Print what is seen.
 
@@ -156,13 +127,9 @@ def main(
         robots: names of `ROBOTS`.
         entering: episodes that enter, of each robot.
         calm: undisturbed episodes of each robot.
-        loop: loops of `VelocityFilter`.
-        share: episodes of each executed share of the command.
     """
-    print(loops(loop), flush=True)
     for robot in robots:
-        executed = () if ROBOTS[robot] is None else shares(robot, share)
-        for line in itertools.chain([undisturbed(robot, calm)], pooled(robot, entering), executed):
+        for line in itertools.chain([undisturbed(robot, calm)], pooled(robot, entering)):
             print(f"{robot}: {line}", flush=True)
 
 

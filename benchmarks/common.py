@@ -83,18 +83,6 @@ def nothing() -> None:
     """Prepare nothing."""
 
 
-def timed(clock: Callable[[], float], call: Callable[..., Any], *given: Any, **how: Any) -> float:
-    """Return the time of a call on a clock [s]."""
-    began = clock()
-    call(*given, **how)
-    return clock() - began
-
-
-def median(call: Callable[[], Any], rounds: int, clock: Callable[[], float]) -> float:
-    """Return the median time of a call on a clock [µs]; the first call does not count."""
-    return 1e6 * float(np.median([timed(clock, call) for _ in range(rounds + 1)][1:]))
-
-
 def run_parts(parts: Parts, quick: bool) -> dict[str, Any]:
     """Return the tables of every part, in JSON's terms."""
     made = {name: make(few if quick else many) for name, (make, many, few) in parts.items()}

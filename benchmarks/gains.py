@@ -1,5 +1,4 @@
-"""Bodies that lag under attack, by the gains of α₂ and of the speed limit's α: why they keep 2,
-and the model itself, which has 10.
+"""Plants under attack by the gains of α₂ and of the speed limit's α: bodies that lag keep 2.
 
 ``python -m benchmarks.gains --plants a1 cart`` prints a line for each plant and pair of gains, on
 the same seeds. Walkers need their data, see `docs/any_walker.md`.

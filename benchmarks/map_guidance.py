@@ -1,13 +1,11 @@
-"""Guidance on maps: how fast fields are, who arrives, through corridors, and out of zones.
+"""Guidance on maps: who arrives, through corridors, and out of zones.
 
 ``python -m benchmarks.map_guidance --part guided`` runs a part and prints its table; the suite
 `map-guidance` runs them all. Maps are those of ``$HCBF_DATA`` and the floor plans of the package.
 """
 
 import contextlib
-import functools
 import os
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,10 +15,9 @@ import gymnasium as gym
 import numpy as np
 from scipy import ndimage
 
-from benchmarks.common import Parts, parallel, print_part, quietly, table, timed
+from benchmarks.common import Parts, parallel, print_part, quietly, table
 from hcbf_gym import _core, scenarios
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.barriers.mapped import MappedRegion
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.episode import samples
@@ -147,48 +144,6 @@ def _path_out(
     return length
 
 
-def fields_part(count: int) -> Table:
-    """Measure fields, and those after a change, on every map, on one core."""
-    rows, cpu = [], functools.partial(timed, time.process_time)
-    for name, floor in maps().items():
-        places, rng = Places(floor, BODY), np.random.default_rng(0)
-        scene = BarrierSet([[floor]])
-        took: dict[str, list[float]] = {"ground": [], "field": [], "change": []}
-        for _ in range(count):
-            guide, goal, start = Geodesic(), places.draw(rng), places.draw(rng)
-            took["ground"].append(cpu(MapGround, regions_of(floor), BODY, 0))
-            took["field"].append(cpu(guide.reset, scene, goal, None, BODY, start=start))
-            column, row = floor.grid.to_cells([places.draw(rng)])[0].astype(int)
-            strict = next(k for k, one in enumerate(floor.classes) if one.is_strict)
-            changed = _with_square(floor, strict, row, column)
-            for one in (changed, floor):
-                scene = BarrierSet([[one]])
-                took["change"].append(cpu(guide.follow, scene, np.zeros(1)))
-        shape = floor.grid.shape
-        rows.append({"map": name, "cells": f"{shape[1]} x {shape[0]}"} | took)
-    columns = {"ground [ms]": "ground", "field with ground [ms]": "field",
-               "after a change [ms]": "change"}  # fmt: skip
-    return table(
-        "Fields, mean / max",
-        rows,
-        {"map": "{map}", "cells": "{cells}"}
-        | {
-            header: lambda r, key=key: (
-                f"{1e3 * np.mean(r[key][1:]):.1f} / {1e3 * max(r[key][1:]):.1f}"
-            )
-            for header, key in columns.items()
-        },
-    )
-
-
-def _with_square(floor: RankedMap, k: int, row: int, column: int) -> RankedMap:
-    """Return a map with a square of half a metre put into a class."""
-    half = max(1, round(0.25 / floor.grid.resolution))
-    corner = max(0, row - half), max(0, column - half)
-    window = floor.classes[k].cells[corner[0] : row + half, corner[1] : column + half]
-    return floor.update(corner, {floor.classes[k].name: np.ones_like(window)})
-
-
 SUMMARY = {
     "ways": "{count}",
     "arrive": "{arrived} of {count}",
@@ -290,8 +245,7 @@ def keepout_part(count: int) -> Table:
     )  # fmt: skip
 
 
-PARTS: Parts = {  # goals and changes, paths, directions and starts, of each map
-    "fields": (fields_part, 100, 2),
+PARTS: Parts = {  # paths, directions and starts, of each map
     "guided": (guided_part, 100, 2),
     "corridors": (corridors_part, 2, 2),
     "keepout": (keepout_part, 100, 2),

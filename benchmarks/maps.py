@@ -1,24 +1,19 @@
-"""Maps: exactness of their cover, hostile episodes, speed zones, scans, walkers, and costs.
+"""Maps: exactness of their cover, hostile episodes, speed zones and walkers.
 
 ``python -m benchmarks.maps --part hostile --count 200`` runs a part and prints its table; the suite
 `maps` runs them all. Entries are judged by the exact squares, at every step of the physics.
 """
 
-import functools
-import time
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.common import Parts, parallel, print_part, quietly, table, timed
+from benchmarks.common import Parts, parallel, print_part, table
 from benchmarks.judges import squares
 from benchmarks.map_guidance import maps
-from benchmarks.scans import ranges_of
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers, Mask
+from hcbf_gym.arrays import Integers, Mask
 from hcbf_gym.envs.task import PHYSICS_DT, SUBSTEPS
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.attacked import AttackedEpisode, policy_of
@@ -28,9 +23,8 @@ from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference
-from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
-from hcbf_robots.maps import Grid, MapClass, RankedMap, Scan, points_of
-from hcbf_robots.maps.cover import Cover
+from hcbf_gym.wrappers import SafetyFilter
+from hcbf_robots.maps import Grid, MapClass, RankedMap
 
 BODY = 0.3  # Radius of the body on the reduced-order model [m]
 V_MAX = 1.5
@@ -48,8 +42,6 @@ WALKERS: dict[str, tuple[str, dict[str, Any], float, float]] = {
     "go1": (WALKER, {"robot": GO1}, 0.8, V_MAX),
 }
 """name → environment, its arguments, how far a start is from edges [m], cap on the speed [m/s]."""
-BEAMS, RANGE, LATENCY, LOST = 360, 6.0, 0.1, 0.1
-"""Of the range sensor: beams, range [m], age of a scan [s], and share of scans that are lost."""
 
 
 class Hostile(NamedTuple):
@@ -225,153 +217,16 @@ def walkers(count: int) -> Table:
     rows = []
     for robot in WALKERS:
         least, body = np.array(parallel(walk, ((robot, floor, k) for k in range(count)))).T
-        rows.append(_of_robot(robot, np.minimum(least, body)) | {"map": name, "least": least.min()})
-        rows[-1]["body"] = f"{body.min():+.3f}" if np.isfinite(body.min()) else ""
-    columns = {"robot": "{robot}", "map": "{map}"} | ROBOT_COLUMNS | {"body [m]": "{body}"}
+        entered = counted(int((np.minimum(least, body) < 0.0).sum()), count)
+        rows.append({
+            "robot": robot, "map": name, "count": count, "entered": entered, "least": least.min(),
+            "body": f"{body.min():+.3f}" if np.isfinite(body.min()) else "",
+        })  # fmt: skip
+    columns = {
+        "robot": "{robot}", "map": "{map}", "episodes": "{count}",
+        f"entered ({BOUNDED})": "{entered}", "least [m]": "{least:+.3f}", "body [m]": "{body}",
+    }  # fmt: skip
     return table("walkers on a map", rows, columns)
-
-
-ROBOT_COLUMNS = {"episodes": "{count}", f"entered ({BOUNDED})": "{entered}",
-                 "least [m]": "{least:+.3f}"}  # fmt: skip
-
-
-def _of_robot(robot: str, least: Array) -> dict[str, Any]:
-    entered = counted(int((least < 0.0).sum()), len(least))
-    return {"robot": robot, "count": len(least), "entered": entered, "least": least.min()}
-
-
-class Sensor:
-    """A range sensor among discs (k, 3), late by `LATENCY`; a share of its scans is lost."""
-
-    def __init__(self, discs: Array, rng: np.random.Generator):
-        self._discs, self._rng = discs, rng
-        self._taken: list[tuple[float, Scan]] = []
-        self._next = 0.0
-
-    def at(self, time: float, x: Array) -> Scan:
-        """Return the newest scan that has come through at a time [s]."""
-        if time >= self._next - 1e-9:
-            self._next += 0.1
-            if self._rng.random() >= LOST or not self._taken:
-                angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
-                pose = np.array([x[0], x[1], 0.0])
-                ranges = ranges_of(np.zeros((0, 2, 2)), self._discs, pose, angles, RANGE)
-                scan = Scan("laser", points_of(ranges, angles), tuple(pose.tolist()))
-                self._taken.append((time, scan))
-        come = [one for one in self._taken if one[0] <= time - LATENCY + 1e-9] or self._taken[:1]
-        self._taken = self._taken[-4:]
-        return come[-1][1]
-
-
-def seen_only(robot: str, number: int) -> float:
-    """Attack a walker among discs that are in no map; return its least distance from them [m]."""
-    env_id, options, clear, v_max = WALKERS[robot]
-    rng = np.random.default_rng(FIRST_SEED + number)
-    discs = np.column_stack([rng.uniform(-3.0, 3.0, (8, 2)), rng.uniform(0.15, 0.5, 8)])
-    discs = discs[np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2] > clear + 0.2]
-    frame = np.zeros((160, 160), dtype=np.bool_)
-    frame[[0, -1]], frame[:, [0, -1]] = True, True
-    floor = RankedMap(
-        Grid(0.1, (-8.0, -8.0, 0.0), frame.shape), (MapClass("walls", 1, "keepout", frame),)
-    )
-    scene = scene_on(floor, (0.0, 0.0), v_max)
-    made: Any = gym.make(env_id, scenario=scene, max_episode_steps=STEPS, **options)
-    inner, sensor = made.unwrapped, Sensor(discs, rng)
-
-    def barriers(env: Any, observation: Any, info: Any) -> Sequence[Any]:
-        return (*inner.barriers, sensor.at(float(inner.time), inner.truth))
-
-    env = SafetyFilter(made, plant=replace(inner.plant, barriers=barriers))
-    attack, least = attacks.make(attack_of(number), number), np.inf
-
-    def act(observation: Any, info: Any) -> Any:
-        away = inner.truth[:2] - discs[:, :2]
-        far = np.linalg.norm(away, axis=1)
-        h = far - discs[:, 2]
-        order = np.argsort(h)
-        normals = (away / far[:, None])[order]
-        x, v = np.split(inner.truth, 2)
-        return attack.act(attacks.Surroundings(x, v, h[order], normals, float(inner.time)))
-
-    for sample in samples(env, act, number):
-        if sample.action is not None:
-            here = np.linalg.norm(inner.truth[:2] - discs[:, :2], axis=1) - discs[:, 2]
-            least = min(least, float(here.min(initial=np.inf)))
-    env.close()
-    return least
-
-
-def scans(count: int) -> Table:
-    """Attack cart and Go1 among obstacles that only a late and lossy scan shows."""
-    rows = [
-        _of_robot(robot, np.array(parallel(seen_only, ((robot, k) for k in range(count)))))
-        for robot in ("cart", "go1")
-    ]
-    title = "obstacles in no map, scans at 10 Hz, 100 ms late, one in ten lost"
-    return table(title, rows, {"robot": "{robot}"} | ROBOT_COLUMNS)
-
-
-def costs(count: int) -> Table:
-    """Time covers, changes, steps and batches; best of several where it is one number."""
-    rows = []
-    for name, floor in maps().items():
-        cells = strict_cells(floor)
-        cover = Cover.of(cells)
-        window = (0, 0, min(200, cells.shape[0]), min(200, cells.shape[1]))
-        other = cells.copy()
-        part = np.random.default_rng(0).random((window[2], window[3])) < 1e-3
-        other[: window[2], : window[3]] ^= part
-        whole = min(_timed(Cover.of, cells) for _ in range(5))
-        change = min(_timed(cover.after, other, window) for _ in range(5))
-        added = _step_cost(floor, count)
-        rows.append([
-            name, str(len(cover.sizes)), f"{1e3 * whole:.1f}", f"{1e3 * change:.1f}",
-            f"{np.median(added):.1f}", f"{np.quantile(added, 0.99):.1f}",
-        ])  # fmt: skip
-    rows.append(["random-map, batch of 1,024", f"{_batch_rate():.0f} steps/s", "", "", "", ""])
-    header = ("map", "pieces", "cover [ms]", "window [ms]", "filter, median [µs]", "99 % [µs]")
-    return Table("what maps cost", header, rows)
-
-
-_timed = functools.partial(timed, time.perf_counter)
-
-
-def _step_cost(floor: RankedMap, count: int) -> Array:
-    """Return (k,) what the filter takes of a step on a map [µs]."""
-    rng = np.random.default_rng(0)
-    scene = scene_on(floor, start_on(floor, BODY + 0.05, rng))
-    made: Any = gym.make("HCBF-Regions-v0", scenario=scene, max_episode_steps=10**9)
-    env: Any = quietly(SafetyFilter, made, margin=BODY)
-    quietly(env.reset, seed=0)
-    edge, taken, inner = attacks.make("edge", 0), [], 0.0
-    step = env.env.step
-
-    def timed(u: Array) -> Any:
-        nonlocal inner
-        begin = time.perf_counter()
-        found = step(u)
-        inner = time.perf_counter() - begin
-        return found
-
-    env.env.step = timed
-    for k in range(count):
-        if k % 200 == 0:
-            env.reset(options={"start": start_on(floor, BODY + 0.05, rng)})
-        wanted = edge.act(attacks.observe(env))
-        taken.append(1e6 * (_timed(env.step, wanted) - inner))
-    return np.array(taken)
-
-
-def _batch_rate(number: int = 1024, steps: int = 200) -> float:
-    """Return the environment steps per second of a filtered native batch on random maps."""
-    made: Any = gym.make_vec("HCBF-Regions-v0", num_envs=number, scenario="random-map")
-    env = quietly(VectorSafetyFilter, made)
-    quietly(env.reset, seed=0)
-    u = np.random.default_rng(0).uniform(-5.0, 5.0, (steps, number, 2)).astype(np.float32)
-    env.step(u[0])
-    blocks = (u[k : k + 50] for k in range(0, steps, 50))
-    best = min(_timed(lambda block=block: [env.step(one) for one in block]) for block in blocks)
-    return 50 * number / best
 
 
 PARTS: Parts = {
@@ -379,8 +234,6 @@ PARTS: Parts = {
     "hostile": (hostile, 2_000, 8),
     "zones": (zones, 100, 4),
     "walkers": (walkers, 200, 1),
-    "scans": (scans, 100, 2),
-    "costs": (costs, 5_000, 200),
 }
 
 if __name__ == "__main__":

@@ -1,11 +1,9 @@
 """A robot's own loop behind `VelocityFilter`, as a node runs it: robots, planners, links.
 
-What drives in it is a lag of first order, or a walker in MuJoCo; odometry comes as often and
-as late as its `Link` lets it.
+A walker in MuJoCo drives in it; odometry comes as often and as late as its `Link` lets it.
 """
 
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -17,7 +15,7 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
-from hcbf_robots import Command, Robot, VelocityFilter
+from hcbf_robots import Command, VelocityFilter
 from hcbf_robots.identification.identify import Runner
 from hcbf_robots.walkers import Walker
 
@@ -28,54 +26,22 @@ LONGEST = math.ceil(PERIOD / CONTROL_DT) * CONTROL_DT
 Planner = Callable[[Array], Array]  # Pose (3,) → command (k,)
 
 
-class Body(NamedTuple):
-    """A robot that follows commands by a lag of first order, on a floor without friction."""
-
-    robot: Robot  # what the filter knows of it
-    lag: float  # τ [s]
-    delay: float = 0.0  # δ [s]
-
-
 class Moving:
-    """A simulated robot: one of `Body`, or a walker in MuJoCo."""
+    """A simulated walker."""
 
-    def __init__(self, body: "Body | Walker", start: Array, seed: int = 0):
-        self._runner = Runner(body, seed) if isinstance(body, Walker) else None
-        self._lag = 0.0 if isinstance(body, Walker) else body.lag
-        late = 0 if isinstance(body, Walker) else round(body.delay / CONTROL_DT)
-        self._waiting = deque([np.zeros(3)] * late)
-        self.pose, self.twist = np.array(start, dtype=np.float64), np.zeros(3)
-        self.fallen = False
-        if self._runner is not None:
-            rng = np.random.default_rng(seed)
-            self._runner.drive.reset(self.pose[:2], float(start[2]), BarrierSet([()]), rng)
-            self._look()
+    def __init__(self, walker: Walker, start: Array, seed: int = 0):
+        self._runner, self.fallen = Runner(walker, seed), False
+        rng = np.random.default_rng(seed)
+        self._runner.drive.reset(start[:2], float(start[2]), BarrierSet([()]), rng)
+        self._look()
 
     def go(self, command: Array) -> None:
         """Follow a command for one control step."""
-        if self._runner is not None:
-            self.fallen |= self._runner.hold(command, CONTROL_DT).falls > 0
-            self._look()
-            return
-        three = command if len(command) == 3 else np.array([command[0], 0.0, command[1]])
-        self._waiting.append(three)
-        three = self._waiting.popleft()
-        share = 1.0 - math.exp(-CONTROL_DT / self._lag) if self._lag > 0.0 else 1.0
-        for _ in range(4):
-            part = 0.25 * CONTROL_DT
-            self.twist = self.twist + 0.25 * share * (three - self.twist)
-            cos, sin = math.cos(self.pose[2]), math.sin(self.pose[2])
-            ahead, aside, turn = self.twist
-            self.pose = self.pose + part * np.array(
-                [cos * ahead - sin * aside, sin * ahead + cos * aside, turn]
-            )
-
-    def odometry(self) -> tuple[Array, Array]:
-        """Return pose and twist as the filter gets them."""
-        return self.pose, self.twist
+        self.fallen |= self._runner.hold(command, CONTROL_DT).falls > 0
+        self._look()
 
     def _look(self) -> None:
-        assert self._runner is not None
+        """Take pose and twist, as the filter gets them."""
         simulation = self._runner.drive.simulation
         data, yaw = simulation.data, simulation.yaw
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -102,7 +68,6 @@ class Rig(NamedTuple):
     walls: Sequence[Barrier] | None = None  # what is there; None for what the filter knows
     # called at every control step with the time [s], before the filter
     sees: Callable[[float, "Moving"], None] = lambda now, robot: None
-    period: float = PERIOD  # of the commands [s]
 
 
 class Driven(NamedTuple):
@@ -113,7 +78,6 @@ class Driven(NamedTuple):
     statuses: Array  # (6,) how often each was reported
     alarms: set[int]  # reasons from the first alarm on
     fell: bool  # whether the robot fell, where the loop ends
-    commands: Array  # (k, n)
 
 
 def loop(
@@ -134,7 +98,7 @@ def loop(
     strict = (regions.priority[0] == 1) & (regions.kind[0] != 100)
     waiting: list[tuple[float, float, Array, Array]] = []
     newest: tuple[float, Array, Array] | None = None
-    path, commands, alarms = [], [], set[int]()
+    path, alarms = [], set[int]()
     statuses, least, dropped = np.zeros(len(FilterStatus), dtype=int), np.inf, 0
     sent = commanded = -np.inf
     for k in range(round(seconds / CONTROL_DT)):
@@ -148,44 +112,24 @@ def loop(
                 dropped -= 1
             else:
                 late = link.late * (1.0 + link.jitter * rng.uniform(-1.0, 1.0))
-                waiting.append((now + late, now, *robot.odometry()))
+                waiting.append((now + late, now, robot.pose, robot.twist))
         for one in [one for one in waiting if one[0] <= now + 1e-9]:
             waiting.remove(one)
             newest = one[1:]  # the last to come, whatever its stamp
-        if newest is not None and now - commanded >= rig.period - 1e-9:
-            commanded = now if now - commanded > 2.0 * rig.period else commanded + rig.period
+        if newest is not None and now - commanded >= PERIOD - 1e-9:
+            commanded = now if now - commanded > 2.0 * PERIOD else commanded + PERIOD
             _, report = safe.step(planner(newest[1]), newest[1], newest[2], newest[0], now)
             statuses[int(report["status"])] += 1
             if report["reason"] >= FIRST_ALARM:
                 alarms.add(int(report["reason"]))
-        commands.append(safe.command_at(now))
-        robot.go(commands[-1])
+        robot.go(safe.command_at(now))
         path.append(robot.pose)
         x = np.array([[*robot.pose[:2], 0.0, 0.0]])
         h = regions.values(x, np.array([CONTROL_DT * (k + 1)]))[0]
         least = min(least, float(h[strict].min(initial=np.inf)) - rig.reach)
         if robot.fallen or until(robot.pose):
             break
-    return Driven(np.array(path), least, statuses, alarms, robot.fallen, np.array(commands))
-
-
-def pursuit(goals: Sequence[tuple[float, float]], command: Command, speed: float) -> Planner:
-    """Return a planner that turns to a goal and drives; the next one counts within .3 m.
-
-    It knows nothing of the filter.
-    """
-    left = [np.array(goal) for goal in goals]
-
-    def plan(pose: Array) -> Array:
-        if len(left) > 1 and np.linalg.norm(left[0] - pose[:2]) < 0.3:
-            left.pop(0)
-        d = left[0] - pose[:2]
-        error = math.remainder(math.atan2(d[1], d[0]) - pose[2], math.tau)
-        turn = float(np.clip(2.0 * error, -0.6 * command.turn, 0.6 * command.turn))
-        ahead = speed * max(0.0, math.cos(error)) ** 3
-        return np.array([ahead, turn] if command.sideways is None else [ahead, 0.0, turn])
-
-    return plan
+    return Driven(np.array(path), least, statuses, alarms, robot.fallen)
 
 
 def hostile(
@@ -217,14 +161,14 @@ def hostile(
     return plan
 
 
-def boxes_of(rng: np.random.Generator, grown: float = 1.0) -> list[Barrier]:
-    """Return six boxes in a room of 8 m, or of a grown one, none at the start."""
+def boxes_of(rng: np.random.Generator) -> list[Barrier]:
+    """Return six boxes in a room of 8 m, none at the start."""
     walls: list[Barrier] = [
-        HalfPlane(f"wall {k}", 1, normal, -4.0 * grown)
+        HalfPlane(f"wall {k}", 1, normal, -4.0)
         for k, normal in enumerate(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)))
     ]
     while len(walls) < 10:
-        (x, y), (w, h) = grown * rng.uniform(-3.2, 3.2, 2), rng.uniform(0.2, 0.6, 2)
+        (x, y), (w, h) = rng.uniform(-3.2, 3.2, 2), rng.uniform(0.2, 0.6, 2)
         if math.hypot(x, y) > 1.3:
             corners = ((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h))
             walls.append(ConvexPolygon(f"box {len(walls) - 4}", 1, corners))

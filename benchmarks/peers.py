@@ -33,7 +33,6 @@ jax: Any = importlib.import_module("jax")
 for _name, _value in JAX.items():
     jax.config.update(_name, _value)  # where JAX had been imported before
 jnp: Any = importlib.import_module("jax.numpy")
-qpax: Any = importlib.import_module("qpax")
 
 Shape = Disc | HalfPlane
 
@@ -111,29 +110,3 @@ def cbfpy_batch(
         return h, slope + gain * h
 
     return lambda x, u: np.asarray(many(x, u)), lambda x: np.asarray(psi(x))
-
-
-def qpax_batch(count: int) -> Callable[[], Any]:
-    """Return a call that solves `count` H-CBF-QPs with one relaxed row by qpax under vmap.
-
-    The variables are (u, δ); rows are given, û is not computed.
-    """
-    rng = np.random.default_rng(0)
-    hessian = jnp.diag(jnp.array([1.0, 1.0, 5.0]))
-    box = np.hstack((np.vstack((np.eye(2), -np.eye(2))), np.zeros((4, 1))))
-
-    def solve(u: Any, a: Any, b: Any, target: Any) -> Any:
-        linear = jnp.concatenate((-u, jnp.zeros(1)))
-        strict = jnp.hstack((-a[:3], jnp.zeros((3, 1))))
-        inequalities, bounds = jnp.vstack((box, strict)), jnp.concatenate((jnp.full(4, 5.0), -b))
-        equality = jnp.concatenate((a[3], jnp.ones(1)))[None]
-        return qpax.solve_qp_primal(hessian, linear, equality, target[None], inequalities, bounds)
-
-    batch = jax.jit(jax.vmap(solve))
-    data = (
-        jnp.array(rng.normal(0.0, 3.0, (count, 2))),
-        jnp.array(rng.normal(0.0, 1.0, (count, 4, 2))),
-        jnp.array(rng.normal(-2.0, 1.0, (count, 3))),
-        jnp.array(rng.normal(0.0, 1.0, count)),
-    )
-    return lambda: jax.block_until_ready(batch(*data))

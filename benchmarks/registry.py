@@ -68,12 +68,6 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="benchmark",
         needs=("cbfpy", "elastiqp"),
     ),
-    "filter-models": Suite(
-        "suites.filter_models",
-        "what SafetyFilter adds for other models and solvers, and batches",
-        2,
-        ROM,
-    ),
     "monitor": Suite("suites.monitor", "are wrappers between filter and robot noticed?", 10, A1),
     "strict": Suite(
         "strict.suite",
@@ -86,7 +80,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     "soak": Suite(
         "suites.soak", "memory over an hour of simulated time, with resets and faults", 10, A1
     ),
-    "programs": Suite("suites.programs", "time of each filter, beside peers", 4),
+    "programs": Suite("suites.programs", "time of each filter, beside cbfpy", 4),
     "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 20),
     "environments": Suite("suites.environments", "environment steps per second", 3, ROM),
     "monte-carlo": Suite(
@@ -107,7 +101,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "map-guidance": Suite(
         "map_guidance",
-        "guidance on maps: fields, who arrives, corridors, out of zones",
+        "guidance on maps: who arrives, corridors, out of zones",
         40,
         (*ROM, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*"),
     ),
@@ -122,16 +116,9 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="examples",
         needs=("gymnasium_robotics", "jax", "stable_baselines3"),
     ),
-    "functions": Suite(
-        "suites.functions",
-        "users' functions beside the analytic shapes",
-        1,
-        extra="benchmark",
-        needs=("cbfpy", "elastiqp"),
-    ),
     "walkers": Suite(
         "walkers",
-        "robots that take velocities: attacked, towards goals, their speed",
+        "robots that take velocities: attacked, towards goals, how they follow",
         90,
         ("hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*", "tests/robots/contracts/*"),
         extra="walkers",
@@ -139,19 +126,11 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "maps": Suite(
         "maps",
-        "maps: exact covers, attacks, speed zones, scans, walkers, costs",
+        "maps: exact covers, attacks, speed zones, walkers",
         90,
         (*ROM, *A1, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/maps/plans/*"),
         extra="walkers",
         needs=("onnxruntime",),
-    ),
-    "play": Suite(
-        "suites.playground",
-        "the playground's pace, updates and memory over ten minutes",
-        11,
-        A1,
-        extra="play",
-        needs=("viser",),
     ),
     "ground-truth": Suite(
         "ground_truth.suite",

@@ -1,23 +1,21 @@
-"""Scans of walls and of people who walk: what is reported, entered, reached and touched.
+"""Scans of walls: what is reported, entered and reached.
 
 Robots drive behind `VelocityFilter` in rooms that they see by a scan at 10 Hz, at every angle to
-the world's axes. ``python -m benchmarks.scans --part walls`` prints one part. Entries are judged by
-the exact geometry.
+the world's axes. Entries are judged by the exact geometry.
 """
 
 import math
 import warnings
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import tyro
 
-from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, Rig, hostile, loop, pursuit
+from benchmarks.own_loop import LONGEST, Driven, Moving, Planner, Rig, hostile, loop
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import VelocityFilter
 from hcbf_robots.maps import Scan, points_of
@@ -29,12 +27,6 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 GO1 = "tests/robots/contracts/go1.json"
 ROBOTS = {"cart": "cart", "holonomic cart": "holonomic-cart", "Go1": GO1}
 NEAR = 0.35  # Of the goal [m]
-PERSON, PACE, PEOPLE = 0.25, 0.5, 3
-"""Radius [m] and speed [m/s] of a person, and how many there are."""
-MARGINS = 0.0, 0.3
-"""Of a scan of people [m]: none, and by how much a cart falls short before it goes at `PACE`."""
-CREEPS = 0.02  # Below it a velocity points nowhere [m/s]
-STEP = 0.5  # A path is free that leads so far [m]
 
 
 class Case(NamedTuple):
@@ -46,7 +38,6 @@ class Case(NamedTuple):
     dropped: float = 0.0  # share of beams that see nothing
     speed: float = 0.0  # that the scan reserves for [m/s]
     rests: bool = False  # whether the robot drives at a wall and stays there
-    margin: float = 0.0  # of the scan [m]
 
 
 CASES = {
@@ -92,10 +83,8 @@ def room_of(seed: int, boxes: int = 6) -> Room:
     return Room(walls, np.concatenate(edges))
 
 
-def ranges_of(
-    edges: Array, discs: Array, pose: Array, angles: Array, reach: float = RANGE
-) -> Array:
-    """Return (k,) how far beams go until an edge or a disc [m]; +inf beyond their reach."""
+def ranges_of(edges: Array, pose: Array, angles: Array, reach: float = RANGE) -> Array:
+    """Return (k,) how far beams go until an edge [m]; +inf beyond their reach."""
     beams = np.column_stack([np.cos(angles + pose[2]), np.sin(angles + pose[2])])
     to, along = edges[:, 0] - pose[:2], edges[:, 1] - edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -103,12 +92,7 @@ def ranges_of(
         far = np.cross(to, along) / across
         part = np.cross(to, beams[:, None]) / across
         far = np.where((far > 0.0) & (part >= 0.0) & (part <= 1.0), far, np.inf)
-    center = discs[:, :2] - pose[:2]
-    ahead = beams @ center.T
-    half2 = discs[:, 2] ** 2 - (center**2).sum(axis=1) + ahead**2
-    met = ahead - np.sqrt(np.maximum(half2, 0.0))
-    met = np.where((half2 > 0.0) & (met > 0.0), met, np.inf).min(axis=1, initial=np.inf)
-    nearest = np.minimum(far.min(axis=1, initial=np.inf), met)
+    nearest = far.min(axis=1, initial=np.inf)
     return np.where(nearest < reach, nearest, np.inf)
 
 
@@ -118,7 +102,6 @@ class Laser:
     def __init__(
         self, safe: VelocityFilter, case: Case, edges: Array, known: Sequence[Any], seed: int
     ):
-        self.discs = np.zeros((0, 3))
         self._filter, self._case, self._edges, self._known = safe, case, edges, known
         self._rng, self._due = np.random.default_rng([13, seed]), -math.inf
         self._angles = np.linspace(-math.pi, math.pi, case.beams, endpoint=False)
@@ -129,12 +112,12 @@ class Laser:
             return
         self._due = now + PERIOD
         case, rng, pose = self._case, self._rng, robot.pose
-        ranges = ranges_of(self._edges, self.discs, pose, self._angles)
+        ranges = ranges_of(self._edges, pose, self._angles)
         ranges = np.maximum(ranges + case.error * rng.standard_normal(case.beams), 0.0)
         ranges[rng.random(case.beams) < case.dropped] = np.inf
         scan = Scan(
             "scan", points_of(ranges, self._angles), tuple(pose.tolist()), PERIOD, case.speed,
-            margin=case.margin, noise=3.0 * case.error,
+            noise=3.0 * case.error,
         )  # fmt: skip
         self._filter.set_barriers([*self._known, scan], look=False)
 
@@ -210,95 +193,7 @@ def share(statuses: Array) -> str:
     return f"{100.0 * bad / statuses.sum():.2f} %"
 
 
-class People:
-    """People who walk at where a robot was when they came in, one place after another."""
-
-    def __init__(self, laser: Laser, room: Room, walker: Walker, seed: int):
-        self._laser, self._walker = laser, walker
-        self._walls = BarrierSet([room.walls])
-        self._rng = np.random.default_rng([16, seed])
-        self._corners = room.edges[:, 0]
-        self._at, self._velocity = np.zeros((PEOPLE, 2)), np.zeros((PEOPLE, 2))
-        self._left = np.zeros(PEOPLE, dtype=int)
-        self.contacts: list[tuple[float, bool]] = []
-
-    def walk(self, now: float, robot: Moving) -> None:
-        """Advance, and show it to the laser."""
-        place, yaw = robot.pose[:2], robot.pose[2]
-        for k in range(PEOPLE):
-            if self._left[k] == 0:
-                self._enter(k, place)
-            self._at[k] += CONTROL_DT * self._velocity[k]
-            self._left[k] -= 1
-            to = self._at[k] - place
-            if np.hypot(*to) < PERSON + self._walker.reach:
-                cos, sin = math.cos(yaw), math.sin(yaw)
-                ahead, aside = robot.twist[:2]
-                own = np.array([cos * ahead - sin * aside, sin * ahead + cos * aside])
-                towards = float(own @ to / np.hypot(*to))
-                self.contacts.append((towards, self._is_free(place, yaw, k)))
-                self._left[k] = 0
-        self._laser.discs = np.column_stack([self._at, np.full(PEOPLE, PERSON)])
-        self._laser.sees(now, robot)
-
-    def _enter(self, k: int, place: Array) -> None:
-        """Come in somewhere along the walls, away from the robot, and walk at where it is."""
-        while True:
-            i, part = int(self._rng.integers(4)), float(self._rng.random())
-            at = self._corners[i] + part * (self._corners[(i + 1) % 4] - self._corners[i])
-            if np.hypot(*(at - place)) > 2.5:
-                break
-        self._at[k] = at
-        self._velocity[k] = PACE * (place - at) / np.hypot(*(place - at))
-        self._left[k] = round(1.5 * np.hypot(*(place - at)) / PACE / CONTROL_DT)
-
-    def _is_free(self, place: Array, yaw: float, k: int) -> bool:
-        """Return whether the robot could drive away from person k, by `STEP`."""
-        carts = self._walker.command.sideways is None
-        angles = yaw + (np.array([0.0, math.pi]) if carts else math.tau / 16 * np.arange(16))
-        steps = np.linspace(0.1, 1.0, 10) * STEP
-        for angle in angles:
-            path = place + steps[:, None] * [math.cos(angle), math.sin(angle)]
-            x = np.column_stack([path, np.zeros_like(path)])
-            apart = np.linalg.norm(path[:, None] - self._at, axis=2)
-            others = np.delete(apart, k, axis=1).min() > PERSON + self._walker.reach
-            away = apart[-1, k] > apart[0, k] + 0.5 * STEP
-            reach = self._walker.reach
-            if away and others and all(self._walls.along(x, np.zeros(len(x))).min(axis=1) > reach):
-                return True
-        return False
-
-
-def people(robot: str, margin: float, count: int, seconds: float) -> str:
-    """Return what drives among people showed, where the scan has a margin [m]."""
-    walker, contacts, entered = Walker.load(ROBOTS[robot]), [], 0
-    statuses = np.zeros(len(FilterStatus), dtype=int)
-    for seed in range(count):
-        room = room_of(seed, 0)
-        safe = VelocityFilter(walker, room.walls, period=LONGEST)
-        case = Case(speed=PACE, error=0.01, margin=margin)
-        laser = Laser(safe, case, room.edges[:0], room.walls, seed)
-        crowd = People(laser, room, walker, seed)
-        rng = np.random.default_rng([17, seed])
-        goals = [(float(x), float(y)) for x, y in rng.uniform(-2.5, 2.5, (40, 2))]
-        planner = pursuit(goals, walker.command, 0.7 * walker.command.forward)
-        rig = Rig(walker.reach, walls=room.walls, sees=crowd.walk)
-        run = loop(safe, Moving(walker, np.zeros(3), seed), planner, seconds, seed, rig)
-        contacts += crowd.contacts
-        statuses += run.statuses
-        entered += run.least < 0.0
-    own = [towards for towards, _ in contacts if towards > CREEPS]
-    free = sum(free for _, free in contacts)
-    return (
-        f"{robot}, margin {margin} m: {count} drives of {seconds:g} s: {len(contacts)} contacts, "
-        f"in {len(own)} the robot's own velocity points at the person (at most "
-        f"{max(own, default=0.0):.3f} m/s), a path was free at {free}; walls entered {entered}; "
-        f"{share(statuses)} VIOLATED or UNSAFE"
-    )
-
-
 def main(
-    part: Literal["all", "walls", "people"] = "all",
     robots: tuple[str, ...] = tuple(ROBOTS),
     cases: tuple[str, ...] = tuple(CASES),
     count: int = 20,
@@ -307,18 +202,15 @@ def main(
     """Print what is seen.
 
     Args:
-        part: of the study.
         robots: names of `ROBOTS`.
-        cases: names of `CASES`, of the walls.
+        cases: names of `CASES`.
         count: drives a row.
         seconds: of each.
     """
     warnings.simplefilter("ignore")
     for robot in robots:
-        for case in cases if part != "people" else ():
+        for case in cases:
             print(f"walls: {walls(robot, case, count, seconds)}", flush=True)
-        for margin in MARGINS if part != "walls" else ():
-            print(f"people: {people(robot, margin, count, seconds)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Every walker under attack, towards its goal, and beside its bare loop.
+"""Every walker under attack, towards its goal, and how it follows.
 
 ``python -m benchmarks.walkers --part hostile`` runs a part on the robots whose files are there, and
 prints its table; the suite `walkers` runs them all.
@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import walker_loops
 from benchmarks.common import Parts, print_part, table
 from benchmarks.strict.lines import faster
 from benchmarks.strict.suite import outcomes, summary
@@ -26,6 +25,7 @@ from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.statistics import BOUNDED, counted
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
+from hcbf_robots.identification.identify import identify
 from hcbf_robots.walkers.walker import Walker
 
 RESULTS = Path("results/walkers")
@@ -36,6 +36,8 @@ FIRST_SEED = 7_000_000
 FAMILIES, WIDE = ("random", "random-moving"), ("random", "random-wide")
 POLICIES = ("pd", "ppo", "sac")
 RATES = (20.0, 50.0, 100.0)
+TRACKING_SEED = 77
+"""Of the commands; none of those with which the responses beside the contracts were measured."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,24 @@ def episodes_part(
     return table(title, rows, columns)
 
 
+def tracking(seconds: float) -> Table:
+    """Return how robots follow steps, turns and stops, for so many seconds of commands."""
+    rows = [
+        {"robot": name, "r": identify(Walker.load(contract), seconds, TRACKING_SEED).response}
+        for name, contract in contracts().items()
+    ]
+    columns = {
+        "robot": "{robot}",
+        "gains": lambda row: ", ".join(f"{gain:.2f}" for gain in row["r"].gain),
+        "time constant [s]": "{r.time_constant:.3f}", "delay [s]": "{r.delay:.2f}",
+        "residual 95 % [m/s]": "{r.residual[1]:.3f}",
+        "residual 99.9 % [m/s]": "{r.residual[2]:.3f}", "overshoot [m/s]": "{r.overshoot:.3f}",
+        "rise [s]": "{r.rise:.2f}", "stops within [m]": "{r.stopping:.3f}",
+        "brakes [m/s²]": "{r.braking:.2f}", "falls": "{r.falls}",
+    }  # fmt: skip
+    return table(f"velocity steps, turns and stops, {seconds:g} s of commands", rows, columns)
+
+
 def row(robot: str, seen: Sequence[Outcome]) -> dict[str, Any]:
     """Return a row of the table; the body counts where the episodes have one."""
     g = summary(seen)
@@ -175,14 +195,12 @@ def _of(title: str, field: str, make: Callable[[str, int], Sequence[Any]]) -> An
     return functools.partial(episodes_part, title, field, make), 10**6, 2
 
 
-PARTS: Parts = {  # episodes of a robot at most; seconds of commands; turns
+PARTS: Parts = {  # episodes of a robot at most; seconds of commands
     "hostile": _of("hostile", "hostile", attacked(FAMILIES, 0)),
     "arrive": _of("arrive", "arrive", arrive),
     "footprint": _of("footprint", "footprint", attacked(WIDE, 100_000, body="footprint")),
     "velocity-filter": _of("velocity-filter", "loops", loops),
-    "tracking": (lambda seconds: walker_loops.tracking(contracts(), seconds), 60, 5),
-    "speed": (lambda turns: walker_loops.speeds(contracts(), turns), 40, 1),
-    "many": (lambda turns: walker_loops.many(contracts().get("go1", "cart"), turns), 10, 1),
+    "tracking": (tracking, 60, 5),
 }
 
 if __name__ == "__main__":

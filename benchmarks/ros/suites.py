@@ -1,7 +1,7 @@
 """Suites of the node on its core, with simulated clocks and robots.
 
-``python -m benchmarks.ros.suites [part …] [--quick]``. Those that need rclpy are `live`,
-`live_faults` and `latency`.
+``python -m benchmarks.ros.suites [part …] [--quick]``. Those that need rclpy are `live` and
+`live_faults`.
 """
 
 import sys
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 import tyro
 
-from benchmarks.ros import errands, faults, foreign, gaps, malformed, wedge
+from benchmarks.ros import errands, faults, foreign, malformed, wedge
 from hcbf_gym.errors import SafetyWarning, choose
 
 PARTS: dict[str, Callable[[bool], Iterator[str]]] = {
@@ -19,7 +19,6 @@ PARTS: dict[str, Callable[[bool], Iterator[str]]] = {
     "malformed": malformed.lines,
     "foreign": foreign.lines,
     "wedge": wedge.lines,
-    "gaps": gaps.lines,
     "errands": errands.lines,
 }
 """name → lines; one with MISS in it is a miss."""

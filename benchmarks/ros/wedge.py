@@ -1,8 +1,4 @@
-"""Starts between obstacles and inside zones, zones that appear around the robot: time until out.
-
-For comparison a rule passes the planner's velocity, and stops while the robot touches a zone, as a
-monitor with stop zones does.
-"""
+"""Starts between obstacles and inside zones, zones that appear around the robot: time until out."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +12,6 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import ConvexPolygon
 from hcbf_gym.errors import InvalidInputError
 from hcbf_robots.ros import sources
-from hcbf_robots.ros.robot import SimulatedRobot
 from hcbf_robots.walkers import Walker
 
 Corners = list[tuple[float, float]]
@@ -158,22 +153,6 @@ def _is_out(one: Scene, zones: list[Corners], pose: Array, reach: float) -> bool
     return math.cos(one.mouth) * pose[0] + math.sin(one.mouth) * pose[1] >= DEEP + reach
 
 
-def drive_by_rule(one: Scene) -> bool:
-    """Return whether the rule that stops in a zone gets the robot out within a minute."""
-    robot, planner = SimulatedRobot(one.robot, start=one.start), pursuit([one.goal], SPEED)
-    zones, begun, reach = [], 0.0, Walker.load(one.robot).reach
-    while robot.time < 60.0:
-        if not zones and robot.time >= one.comes:
-            moved, begun = robot.pose[:2] - one.start[:2], robot.time
-            zones = [[(x + moved[0], y + moved[1]) for x, y in corners] for corners in one.zones]
-        touches = zones and left(zones, robot.pose)[0] < reach
-        robot.command((0.0, 0.0, 0.0) if touches else planner(robot.pose))
-        robot.run(0.05)
-        if zones and robot.time > begun and _is_out(one, zones, robot.pose, reach):
-            return True
-    return False
-
-
 def lines(quick: bool) -> Iterator[str]:
     """Yield how many got out."""
     for kind in KINDS:
@@ -185,13 +164,12 @@ def lines(quick: bool) -> Iterator[str]:
 def _of_kind(kind: str, robot: str, rank: int, count: int) -> Iterator[str]:
     scenes = [scene(kind, robot, rank, seed) for seed in range(count)]
     ways = [drive(one) for one in scenes]
-    ruled = sum(map(drive_by_rule, scenes))
     in_time = sum(one.out <= one.allowed for one in ways)
     still = max((one.still for one in ways if one.led), default=0.0)
     yield (
         f"{kind}, {robot}, rank {rank}: {in_time} of {count} out in time, "
         f"{sum(one.led for one in ways)} led, stood {still:.2f} s at most, "
-        f"{sum(one.arrived for one in ways)} arrived; {ruled} by the rule"
+        f"{sum(one.arrived for one in ways)} arrived"
     )
     for seed, one in enumerate(ways):
         if not one.is_well:

@@ -15,7 +15,6 @@ import numpy as np
 
 from benchmarks import peers
 from benchmarks.common import Timed, in_turn, one_core, table
-from benchmarks.shares import shares
 from hcbf_gym.barriers import Disc, HalfPlane, to_dict
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.wrappers import SafetyFilter
@@ -46,7 +45,7 @@ def run(quick: bool) -> dict[str, Any]:
     blocks = 2 if quick else 40
     with one_core():
         rows = [row for n in ROW_COUNTS for place in PLACES for row in _rows(n, place, blocks)]
-    return {"cbfpy": peers.settings(), "same_rows": SAME_ROWS, "filter": rows, "shares": shares()}
+    return {"cbfpy": peers.settings(), "same_rows": SAME_ROWS, "filter": rows}
 
 
 def _rows(count: int, place: str, blocks: int) -> list[dict[str, Any]]:
@@ -96,7 +95,7 @@ def _step(env: gym.Env[Any, Any], u: Callable[[], Any] | None = None) -> Timed:
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the tables of what each program adds, and of where that time goes."""
+    """Return the table of what each program adds."""
     versions = figures["cbfpy"]["versions"]
     columns = {
         "program": "`{program}`", "rows": "{rows}", "where": "{place}",
@@ -109,11 +108,4 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         f"with ElastiQP {versions['elastiqp']}"
     )
     added = table(title, figures["filter"], columns)
-    return {
-        "added": added._replace(header=[name.rstrip() for name in added.header]),
-        "shares": table(
-            "where that time goes, five rows, idle",
-            figures["shares"],
-            {"part": "{part}", "µs": "{time:.1f}"},
-        ),
-    }
+    return {"added": added._replace(header=[name.rstrip() for name in added.header])}

@@ -14,7 +14,6 @@ import numpy as np
 from benchmarks.common import parallel, table
 from hcbf_gym import loading
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers import CbfRows, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.evaluation.statistics import BOUNDED, at_most
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
@@ -155,34 +154,8 @@ def pendulum(episodes: int) -> dict[str, Any]:
         farthest, left = max(farthest, angle), left + (angle > module.LIMIT)
     return {
         "episodes": episodes, "left": left, "farthest": farthest, "limit": module.LIMIT,
-        "kernel": _kernel_share(module), "us": 1e6 * float(np.median(spent)),
+        "us": 1e6 * float(np.median(spent)),
     }  # fmt: skip
-
-
-def _kernel_share(module: Any) -> float:
-    """Return how much of the gridded viability kernel the safe set {h ≥ 0} covers.
-
-    The kernel is what is left of the grid when states are taken away, again and again, from which
-    no torque leads to a cell that is still there.
-    """
-    limit, top, cells = module.LIMIT, 3.2, 301
-    angle, speed = np.meshgrid(
-        np.linspace(-limit, limit, cells), np.linspace(-top, top, cells), indexing="ij"
-    )
-    alive, changed = np.ones_like(angle, dtype=np.bool_), True
-    while changed:
-        kept = np.zeros_like(alive)
-        for torque in np.linspace(-module.TORQUE, module.TORQUE, 21):
-            after = speed + module.T * (module.GRAVITY * np.sin(angle) + module.GAIN * torque)
-            ahead = angle + module.T * after
-            inside = (np.abs(ahead) <= limit) & (np.abs(after) <= top)
-            i = np.rint((ahead / limit + 1.0) * (cells - 1) / 2.0).astype(int)
-            j = np.rint((after / top + 1.0) * (cells - 1) / 2.0).astype(int)
-            kept |= inside & alive[np.clip(i, 0, cells - 1), np.clip(j, 0, cells - 1)]
-        changed, alive = bool((alive & ~kept).any()), alive & kept
-    x = np.stack((angle, speed))
-    safe = np.all([np.asarray(b.function(x, 0.0)) >= 0.0 for b in module.barriers], axis=0)
-    return float((safe & alive).sum() / alive.sum())
 
 
 def unicycle(episodes: int) -> dict[str, Any]:
@@ -220,9 +193,8 @@ def arm(targets: int) -> dict[str, Any]:
     module = example("arm")
     env, random = module.make(), np.random.default_rng(0)
     barriers = env.plant.barriers
-    rows_of = GeneralRows(env.plant.model, LogClassK(), LinearClassK(2.0))
     priority = np.array([barrier.priority for barrier in barriers])
-    least, reached, forced, needless = np.full(len(barriers), np.inf), 0, 0, 0
+    least, reached, forced = np.full(len(barriers), np.inf), 0, 0
     entered = np.zeros(3, dtype=np.int64)
     spent: dict[bool, list[float]] = {False: [], True: []}
     bare = []
@@ -231,33 +203,27 @@ def arm(targets: int) -> dict[str, Any]:
         while min(barrier.h(q, 0.0) for barrier in barriers) < 0.02:
             q = env.reset(seed=int(random.integers(2**31)))[0]
         target = np.array([0.9, 0.0, 0.8]) + random.uniform(-0.4, 0.4, 3)
-        path, nearest, conflicts = [q], np.inf, []
-        for k in range(ARM_STEPS):
+        path, nearest = [q], np.inf
+        for _ in range(ARM_STEPS):
             wanted, distance = reach(module, q, target)
             nearest = min(nearest, distance)
             began = time.thread_time()
             q, _, _, _, info = env.step(wanted)
-            report = info["safety_filter"]
-            conflict = bool(report["status"] >= FilterStatus.RELAXED)
+            conflict = bool(info["safety_filter"]["status"] >= FilterStatus.RELAXED)
             spent[conflict].append(time.thread_time() - began)
             path.append(q)
-            if conflict:
-                conflicts.append((k, report["u_safe"]))
+            forced += conflict
         began = time.thread_time()
         env.unwrapped.step(np.zeros(6))
         bare.append(time.thread_time() - began)
-        for k, u in conflicts:
-            rows = rows_of(barriers, path[k], k * module.T, 0.005)
-            needless += improves(rows, u, module.SPEED, random)
         h = np.min([[b.h(q, k * module.T) for b in barriers] for k, q in enumerate(path)], axis=0)
         least, reached = np.minimum(least, h), reached + (nearest < 0.05)
-        forced += len(conflicts)
         entered += [(h[priority == rank] < 0.0).any() for rank in (1, 2, 3)]
     own = float(np.median(bare))
     return {
         "targets": targets, "reached": int(reached), "entered": entered.tolist(),
         "least": [float(least[priority == rank].min()) for rank in (1, 2, 3)],
-        "conflicts": forced, "needless": needless,
+        "conflicts": forced,
         "us": 1e6 * (float(np.median(spent[False])) - own),
         "us_conflict": 1e6 * (float(np.median(spent[True] or [np.nan])) - own),
     }  # fmt: skip
@@ -274,31 +240,6 @@ def reach(module: Any, q: Array, target: Array) -> tuple[Array, float]:
     return u / max(1.0, np.abs(u).max() / module.SPEED), float(np.linalg.norm(gap))
 
 
-def improves(rows: CbfRows, u: Array, limit: float, random: np.random.Generator) -> bool:
-    """Return whether a small change of u violates some rank less and none above it more.
-
-    Changes are random ones, and the steepest descent of each rank's violation, both along what
-    the binding rows of higher ranks leave free.
-    """
-
-    def violation(v: Array, rank: int) -> float:
-        of = rows.priority == rank
-        return float(np.linalg.norm(np.maximum(0.0, rows.b[of] - rows.a[of] @ v)))
-
-    for rank in np.unique(rows.priority).tolist():
-        now, of = violation(u, rank), rows.priority == rank
-        binding = rows.a[(rows.priority < rank) & (rows.a @ u - rows.b < 1e-6)]
-        free = np.eye(u.size) - np.linalg.pinv(binding) @ binding
-        descent = rows.a[of].T @ np.maximum(0.0, rows.b[of] - rows.a[of] @ u)
-        for change in np.vstack((descent, random.normal(size=(50, u.size)))) @ free:
-            for size in (1e-3, 1e-1):
-                v = np.clip(u + size * change, -limit, limit)
-                higher = all(violation(v, r) <= violation(u, r) + 1e-9 for r in range(1, rank))
-                if higher and violation(v, rank) < now - 1e-6:
-                    return True
-    return False
-
-
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the tables of the maze and of the models."""
 
@@ -313,9 +254,9 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         "µs": "{us:.0f}",
     }  # fmt: skip
     p, c, a = figures["pendulum"], figures["unicycle"], figures["arm"]
-    angle = f"angle {p['farthest']:.6f} of {p['limit']} rad; {p['kernel']:.1%} of the kernel"
+    angle = f"angle {p['farthest']:.6f} of {p['limit']} rad"
     lower = f"{a['entered'][1]} and {a['entered'][2]} entered ranks 2 and 3; {a['reached']} reached"
-    conflicts = f"{a['conflicts']} conflicts, {a['needless']} of them needless"
+    conflicts = f"{a['conflicts']} conflicts"
     slower = "–" if a["us_conflict"] is None else f"{a['us_conflict']:.0f}"
     gap, us = f"least gap {1e3 * c['least']:.1f} mm", f"{a['us']:.0f}, in conflict {slower}"
     models = [

@@ -4,8 +4,6 @@ Scenes have the seeds 10000, 10001, … On the reduced-order model those of a ce
 A1 walks them one by one. Both go through the wrappers, as a user's loop does.
 """
 
-import functools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -14,39 +12,26 @@ import gymnasium as gym
 import numpy as np
 from rich.progress import track
 
-from benchmarks.common import median, parallel, table
-from hcbf_gym import _core, guidance, policies, scenarios
+from benchmarks.common import parallel, table
+from hcbf_gym import policies
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.episode import samples
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, at_most, shown_share
 from hcbf_gym.evaluation.tables import Table
-from hcbf_gym.filter.core import FilterCore
-from hcbf_gym.filter.settings import FilterSettings
-from hcbf_gym.models.plant import read
 from hcbf_gym.policies import PDTracker, learned
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 
 FIRST_SEED = 10_000
-THROUGH = {"kind": "geodesic", "through": 2}
-"""Guidance through the ranks from 2 on where there is no other path."""
 
 
 class Cell(NamedTuple):
     """Scenes of a family, and who walks them under which filter."""
 
-    scene: str  # a family's or a course's name
+    scene: str  # a family's name
     policy: str  # as `policies.make` takes it
     guidance: Any = None  # as the filter takes it
-    program: str = "lex-cbf-qp"  # of the filter
-    # of the program
-    options: dict[str, Any] = {}  # noqa: RUF012 - never changed
-
-    def settings(self) -> FilterSettings:
-        """Return the same filter without guidance, made at its core."""
-        return FilterSettings(self.program, "held", None, None, None, None, False, self.options)
 
 
 ARRIVAL = (
@@ -62,13 +47,6 @@ ON_A1 = (
     ("random-clutter", "pd", ("geodesic",)),
 )
 KINDS = (None, "geodesic", "local")
-WEIGHTED: dict[str, dict[str, Any]] = {
-    "r-cbf-qp": {"gamma0": 5.0, "delta_gamma": 1.3},
-    "h-cbf-qp": {"gamma0": 5.0, "delta_gamma": 1.3},
-    "eh-cbf-qp": {"gamma0": 3.0, "delta_gamma": 1.5},
-}
-"""Programs with weights, which guidance reaches by shaping u*."""
-COURSES = ("paper-experiment-straight", "paper-simulation")
 
 
 @dataclass(frozen=True)
@@ -80,8 +58,6 @@ class Outcome:
     least: Array  # (N, m) least h of the true body [m] before that
     priority: Integers  # (N, m) of the barriers
     deadlock: Array  # (N,) share of the time that the robot stood though u* wanted to move
-    change: Array  # (N,) mean ‖u − u without guidance‖ at the same states [m/s²]
-    final: Array  # (N,) distance from the goal at the end [m]
     fell: Mask  # (N,) whether the robot fell
 
     def entered(self, rank: int) -> float:
@@ -90,28 +66,16 @@ class Outcome:
         return float((least < 0.0).mean())
 
 
-class Compared:
-    """A policy in N scenes, and what the filter without guidance makes of its inputs."""
+class Nominal:
+    """A policy that retains its last input."""
 
-    def __init__(self, env: Any, act: Any, cell: Cell, count: int):
-        self._env, self._act, self._settings = env, act, cell.settings()
-        self.wanted = self.unguided = np.zeros((count, 2))
-
-    @functools.cached_property
-    def _core(self) -> FilterCore:
-        """The filter without guidance, made after the reset."""
-        env = self._env
-        return FilterCore(
-            env.plant, env.unwrapped.scenario.input_set, self._settings, len(self.wanted)
-        )
+    def __init__(self, act: Any):
+        self._act, self.wanted = act, np.zeros((1, 2))
 
     def __call__(self, observation: Any, info: Any) -> Array:
-        """Return u*, and retain it beside the other input, which forgets what was applied."""
-        env, plant = self._env.unwrapped, self._env.plant
+        """Return u*."""
         u = np.asarray(self._act(observation, info), dtype=np.float64)
-        sensed = read(plant.barriers, env, observation, info), plant.state(env, observation, info)
-        self._core.restart(np.ones(len(self.wanted), dtype=np.bool_))
-        self.wanted, self.unguided = np.atleast_2d(u), self._core.step(u, *sensed)[0].copy()
+        self.wanted = np.atleast_2d(u)
         return u
 
 
@@ -120,9 +84,9 @@ def on_model(cell: Cell, count: int) -> Outcome:
     env: Any = gym.make_vec(
         "HCBF-Regions-v0", num_envs=count, scenario=cell.scene, autoreset_mode="Disabled"
     )
-    env = VectorSafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
+    env = VectorSafetyFilter(env, guidance=cell.guidance)
     act = PDTracker.for_env(env) if cell.policy == "pd" else policies.load(cell.policy, env)
-    return _walked(env, Compared(env, act, cell, count), FIRST_SEED)
+    return _walked(env, Nominal(act), FIRST_SEED, count)
 
 
 def on_a1(cell: Cell, count: int) -> Outcome:
@@ -135,43 +99,39 @@ def on_a1(cell: Cell, count: int) -> Outcome:
 def a1_episode(cell: Cell, seed: int) -> Outcome:
     """Walk one scene on the A1; the goal and h are the true trunk's."""
     env: Any = gym.make("HCBF-A1Regions-v0", scenario=cell.scene)
-    env = SafetyFilter(env, cell.program, guidance=cell.guidance, **cell.options)
-    return _walked(env, Compared(env, policies.make(cell.policy, env), cell, 1), seed)
+    env = SafetyFilter(env, guidance=cell.guidance)
+    return _walked(env, Nominal(policies.make(cell.policy, env)), seed, 1)
 
 
-def _walked(env: Any, act: Compared, seed: int) -> Outcome:
+def _walked(env: Any, act: Nominal, seed: int, count: int) -> Outcome:
     """Walk the scenes of an environment until all goals are reached, or the episodes end."""
-    inner, walk, count = env.unwrapped, samples(env, act, seed), len(act.wanted)
+    inner, walk = env.unwrapped, samples(env, act, seed)
     info = next(walk).info
     least = np.atleast_2d(info["min_h"]).copy()
     scenes = getattr(inner, "scenes", None) or [inner.scenario]
     goal, radius = np.array([one.goal for one in scenes]), scenes[0].goal_radius
     reached, seconds = np.zeros(count, dtype=np.bool_), np.full(count, np.inf)
-    deadlock, change, steps = np.zeros((3, count))
+    deadlock, steps = np.zeros((2, count))
     distance = np.full(count, np.inf)
     for step, (_, info, *_) in enumerate(walk, 1):
         running, x = ~reached, np.atleast_2d(inner.rom_state)
         least[running] = np.minimum(least, info["min_h"])[running]
         distance[running] = np.linalg.norm(x[:, :2] - goal, axis=1)[running]
         deadlock += running & deadlocked(x[:, 2:], act.wanted, distance, radius)
-        applied = np.atleast_2d(info["safety_filter"]["u_safe"])
-        change += running * np.linalg.norm(applied - act.unguided, axis=1)
         steps += running
         seconds[running & (distance <= radius)] = CONTROL_DT * step
         reached |= distance <= radius
         if reached.all():
             break
     env.close()
-    final = np.where(reached, 0.0, distance)
     fell = np.zeros_like(reached) | (np.asarray(info.get("fallen", 0.0)) > 0.0)
     return Outcome(
-        reached & ~fell, seconds, least, inner.barrier_set.priority.copy(), deadlock / steps,
-        change / steps, final, fell,
+        reached & ~fell, seconds, least, inner.barrier_set.priority.copy(), deadlock / steps, fell,
     )  # fmt: skip
 
 
 def run(quick: bool) -> dict[str, Any]:
-    """Return the share of goals and what it cost, of every cell, program and course."""
+    """Return the share of goals of every cell."""
     count, on_robot = (20, 1) if quick else (1000, 100)
     arrival = []
     for scene, policy in track(ARRIVAL, "reduced order"):
@@ -184,26 +144,7 @@ def run(quick: bool) -> dict[str, Any]:
         outcomes = {kind: on_a1(Cell(scene, policy, kind), on_robot) for kind in kinds}
         for kind, outcome in outcomes.items():
             robot.append(_figures(Cell(scene, policy, kind), outcomes.get(None), outcome))
-    weighted = []
-    for program, options in WEIGHTED.items():
-        for kind in (None, "geodesic"):
-            cell = Cell("random", "pd", kind, program, options)
-            shares = _shares(on_model(cell, max(20, count // 5)))
-            weighted.append({"program": program, "guidance": kind, **shares})
-    courses = []
-    for scene in COURSES:
-        for model, walk in (("reduced order", on_model), ("A1", on_a1)):
-            for kind in (None, "geodesic", THROUGH)[:: 2 if quick else 1]:
-                outcome = walk(Cell(scene, "pd", kind), 1)
-                courses.append(
-                    {"scene": scene, "model": model, "guidance": kind}
-                    | _shares(outcome)
-                    | {"final_m": float(outcome.final[0])}
-                )
-    return {
-        "arrival": arrival, "A1": robot, "weighted": weighted, "courses": courses,
-        "cost": cost(quick),
-    }  # fmt: skip
+    return {"arrival": arrival, "A1": robot}
 
 
 def _shares(outcome: Outcome) -> dict[str, Any]:
@@ -217,45 +158,14 @@ def _shares(outcome: Outcome) -> dict[str, Any]:
 
 
 def _figures(cell: Cell, without: Outcome | None, with_it: Outcome) -> dict[str, Any]:
-    """Return a row of the table; `later` and `change` over episodes that arrive without it, too."""
+    """Return a row of the table; `later` is of episodes that arrive without it, too."""
     figures = {"scene": cell.scene, "policy": cell.policy, "guidance": cell.guidance}
-    figures |= _shares(with_it) | {"later": None, "change": None}
+    figures |= _shares(with_it) | {"later": None}
     if without is not None:
         both = without.reached & with_it.reached
         if both.any():
             later = with_it.seconds[both] / without.seconds[both] - 1.0
-            figures |= {
-                "later": float(np.median(later)),
-                "change": float(with_it.change[both].mean()),
-            }
-    return figures
-
-
-def cost(quick: bool) -> list[dict[str, Any]]:
-    """Return the processor time of a scene's field [ms] and of a row [µs], medians over scenes."""
-    figures, many, guide = [], 1000, guidance.Geodesic()
-    for scene in scenarios.families():
-        if scene.startswith("map-"):
-            continue
-        times = []
-        for n in range(5 if quick else 50):
-            one = scenarios.make(scene, np.random.default_rng(n))
-            barriers = BarrierSet([one.barriers])
-            begun = time.thread_time()
-            guide.reset(barriers, one.goal, start=one.start)
-            times.append(time.thread_time() - begun)
-        of_field = (np.repeat(a, many, axis=0) for a in (guide.field, guide.geometry, guide.goal))
-        low, high = [0.0, -1.5, -1.0, -1.0], [6.0, 1.5, 1.0, 1.0]
-        x = np.random.default_rng(0).uniform(low, high, (many, 4))
-        row = functools.partial(_core.guidance_rows, *of_field, x, guide.pull, np.zeros((many, 3)))
-        figures.append(
-            {
-                "scene": scene,
-                "cells": int(guide.geometry[0, 3] * guide.geometry[0, 4]),
-                "field_ms": 1e3 * float(np.median(times)),
-                "row_us": median(row, 5 if quick else 30, time.thread_time) / many,
-            }
-        )
+            figures["later"] = float(np.median(later))
     return figures
 
 
@@ -270,33 +180,17 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
         shown = " / ".join(f"{100.0 * share:.1f}" for share in shares) + " %"
         return f"{shown} ({at_most(round(shares[0] * n), n)})"
 
-    def kind(row: dict[str, Any]) -> str:
-        through = row["guidance"] == THROUGH
-        return "geodesic, through=2" if through else row["guidance"] or "none"
-
     enters = f"enters 1 / 2 / 3 (1 {BOUNDED})"
     arrival = {
-        "scenes": "{scene}", "policy": "{policy}", "guidance": kind, "episodes": "{episodes}",
+        "scenes": "{scene}", "policy": "{policy}",
+        "guidance": lambda row: row["guidance"] or "none", "episodes": "{episodes}",
         f"arrives [%, {INTERVAL:.0%} interval]": lambda row: shown_share(
             row["reached"], row["episodes"]
         ),
         enters: ranks, "falls": percent("fell"), "deadlock": percent("deadlock"),
         "later": percent("later"),
-        "Δu [m/s²]": lambda row: "" if row["change"] is None else f"{row['change']:.3f}",
     }  # fmt: skip
-    weighted = {"program": "{program}", "guidance": kind, "arrives": percent("reached"),
-                enters: ranks, "deadlock": percent("deadlock")}  # fmt: skip
-    courses = {
-        "course": "{scene}", "model": "{model}", "guidance": kind,
-        "arrives": lambda row: "yes" if row["reached"] else "no",
-        "ends short by [m]": "{final_m:.2f}",
-    }  # fmt: skip
-    costs = {"scenes": "{scene}", "cells": "{cells}", "field [ms]": "{field_ms:.2f}",
-             "row [µs]": "{row_us:.2f}"}  # fmt: skip
     return {
         "arrival": table("lex-cbf-qp on the reduced-order model", figures["arrival"], arrival),
         "arrival-a1": table("lex-cbf-qp on the A1", figures["A1"], arrival),
-        "weighted": table("programs with weights, PD on random", figures["weighted"], weighted),
-        "courses": table("the paper's courses, PD under lex-cbf-qp", figures["courses"], courses),
-        "cost": table("what guidance costs", figures["cost"], costs),
     }

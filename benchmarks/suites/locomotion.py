@@ -30,13 +30,6 @@ OFF_NOMINAL: dict[str, dict[str, Any]] = {
     "sensor noise": {"sensor_noise": 1.0},
     "floor friction 0.5": {"floor_friction": 0.5},
 }
-BREAKING: dict[str, list[float]] = {  # the last value of each is one too many
-    "payload": [6.0, 10.0, 14.0, 16.0, 18.0, 20.0],
-    "motor_strength": [0.8, 0.6, 0.5, 0.45, 0.4],
-    "delay": [0.008, 0.016, 0.02, 0.024, 0.028],
-    "sensor_noise": [2.0, 4.0, 6.0, 8.0, 12.0, 16.0],
-    "floor_friction": [0.4, 0.3, 0.2, 0.1, 0.08],
-}
 
 
 def run(quick: bool) -> dict[str, Any]:
@@ -55,15 +48,12 @@ def run(quick: bool) -> dict[str, Any]:
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return every figure beside its bound."""
-
-    def bound(f: Any) -> str:
-        return "" if f["bound"] is None else f"{'≥' if f['at_least'] else '≤'} {f['bound']:g}"
-
     columns = {
         "": "{section}: {name}",
         "figure": lambda f: "fell" if f["value"] is None else f"{f['value']:.4g}",
-        "unit": "{unit}", "asked": bound,
-        "met": lambda f: {None: "", True: "yes", False: "no"}[f["met"]],
+        "unit": "{unit}",
+        "asked": lambda f: f"{'≥' if f['at_least'] else '≤'} {f['bound']:g}",
+        "met": lambda f: "yes" if f["met"] else "no",
     }  # fmt: skip
     title = "Unitree A1, flat floor, 500 Hz, self-collision on"
     return {"all": table(title, figures["figures"], columns)}
@@ -80,8 +70,7 @@ def steady_figures(quick: bool) -> list[Measure]:
     ):
         name = f"v = ({velocity[0]:g}, {velocity[1]:g}) m/s"
         rms = 0.07 if velocity[0] > 1.1 else 0.06
-        walks_at_1 = velocity == (1.0, 0.0)
-        bounds = (rms, 0.005, 5.0, 1.5, 2.0, 0.5, 1.5 if walks_at_1 else None, None, None, 0.0)
+        bounds = (rms, 0.005, 5.0, 1.5, 2.0, 0.5, 0.0, 1.5)
         labels = (
             ("velocity RMS", "m/s"),
             ("velocity RMS, stride average", "m/s"),
@@ -89,15 +78,13 @@ def steady_figures(quick: bool) -> list[Measure]:
             ("roll or pitch", "°"),
             ("slip a step", "mm"),
             ("yaw drift", "°/min"),
-            ("cost of transport", ""),
-            ("peak torque", "N·m"),
-            ("peak joint speed", "rad/s"),
             ("ticks with a saturated motor", ""),
+            ("cost of transport", ""),
         )
         figures += [
             Measure(label, name, value, unit, bound)
             for (label, unit), value, bound in zip(labels, values, bounds, strict=True)
-            if label != "cost of transport" or any(velocity)  # there is none on the spot
+            if label != "cost of transport" or velocity == (1.0, 0.0)
         ]
     return figures
 
@@ -111,7 +98,7 @@ def steady(velocity: tuple[float, float], seconds: float) -> tuple[float, ...]:
     goal = np.array(velocity)
     walked = walk(seconds, towards(goal, 2.0), heading="fixed")
     if walked.fell:
-        return (np.inf,) * 10
+        return (np.inf,) * 8
     start = round(4.0 / DT)  # the start's transient has gone
     error = walked.state.linear_velocity[start:, :2] - goal
     height = walked.state.position[start:, 2]
@@ -129,10 +116,8 @@ def steady(velocity: tuple[float, float], seconds: float) -> tuple[float, ...]:
         float(np.degrees(tilt[start:].max())),
         1e3 * slip_per_step(walked, start),
         float(np.degrees(abs(drift))),
-        power / (weight * speed) if speed > 0.0 else np.inf,
-        float(np.abs(torque).max()),
-        float(np.abs(rate).max()),
         float(walked.saturated[start:].sum()),
+        power / (weight * speed) if speed > 0.0 else np.inf,
     )
 
 
@@ -169,7 +154,6 @@ def manoeuvre_figures() -> list[Measure]:
 
     stopped = walk(4.0, dash, heading="fixed")
     overshoot = 1e2 * float(stopped.state.position[:, 0].max() - stopped.reference[-1, 0])
-    speeding = stopped.state.linear_velocity[: round(2.0 / DT), 0]
 
     def reverse(t: float, _reference: BodyReference, _state: RobotState) -> Array:
         return np.array([5.0 * (t < 0.16) - 5.0 * (2.0 <= t < 2.32), 0.0])
@@ -180,7 +164,6 @@ def manoeuvre_figures() -> list[Measure]:
     return [
         Measure("90° turn in 1.5 s at 0.6 m/s", "yaw error", np.degrees(error.max()), "°", 6.0),
         Measure("start and stop, 5 m/s² to 0.8 m/s", "past the stop", overshoot, "cm", 3.0),
-        Measure("start and stop, 5 m/s² to 0.8 m/s", "top speed", speeding.max(), "m/s"),
         Measure("reversal at 0.8 m/s", "velocity error after", left_over, "m/s", 0.02),
         Measure("reversal at 0.8 m/s", "upright", float(not reversed_.fell), "", 1.0, True),
     ]
@@ -192,20 +175,20 @@ def push_figures(quick: bool) -> list[Measure]:
     count = 1 if quick else 16
     phases = np.arange(count) * period / count
     figures = []
-    for impulse, share in ((30.0, 1.0), (40.0, 0.75), (50.0, None)):
+    for impulse, share in ((30.0, 1.0), (40.0, 0.75)):
         jobs = [((0.8, 0.0), "trot", 2.0 + phase, (0.0, impulse)) for phase in phases]
         upright = sum(parallel(survives_push, jobs))
-        bound = None if share is None else share * len(jobs)
         name = f"lateral {impulse:g} N·s at 0.8 m/s, {len(jobs)} gait phases"
+        bound = share * len(jobs)
         figures.append(Measure("pushes", name, float(upright), "upright", bound, True))
     angles = np.arange(1 if quick else 8) * np.pi / 4
-    for impulse in (15.0, 20.0, 30.0):
+    for impulse in (15.0, 20.0):
         jobs = [
             ((0.0, 0.0), "stand", 1.0, (impulse * np.cos(a), impulse * np.sin(a))) for a in angles
         ]
         upright = sum(parallel(survives_push, jobs))
-        bound = float(len(angles)) if impulse < 25.0 else None
         name = f"standing {impulse:g} N·s, {len(angles)} directions"
+        bound = float(len(angles))
         figures.append(Measure("pushes", name, float(upright), "upright", bound, True))
     episodes = 1 if quick else 50
     upright = sum(parallel(survives_random_input, [(seed,) for seed in range(episodes)]))
@@ -231,23 +214,18 @@ def survives_random_input(seed: int) -> bool:
 
 def course_figures() -> list[Measure]:
     """Walk the paper's course, unfiltered, on the nominal plant."""
-    walked, error = follow_course(feedforward=True)
-    plain, plain_error = follow_course(feedforward=False)
+    walked, error = follow_course()
     rms = float(np.sqrt((error[round(1.0 / DT) :] ** 2).mean()))
     name = "the paper's course, 20 s"
     return [
         Measure(name, "tracking RMS after 1 s", rms, "m", 0.01),
         Measure(name, "final error", float(error[-1]), "m", 0.01),
-        Measure(name, "final error without feedforward", float(plain_error[-1]), "m"),
-        Measure(name, "QPs without a solution", walked.failed + plain.failed, "of 20000", 0.0),
+        Measure(name, "QPs without a solution", walked.failed, "of 10000", 0.0),
     ]
 
 
 def off_nominal_figures(quick: bool) -> list[Measure]:
-    """Walk the course on plants that the controller does not know of, up to where it breaks.
-
-    If quick, on the last of them.
-    """
+    """Walk the course on plants that the controller does not know of; if quick, on the last."""
     everything: dict[str, Any] = {}
     for ranges in OFF_NOMINAL.values():
         everything |= ranges
@@ -260,22 +238,13 @@ def off_nominal_figures(quick: bool) -> list[Measure]:
     if quick:
         plants = dict([plants.popitem()])
     errors = parallel(course_error, [(plant,) for plant in plants.values()])
-    figures = [
+    return [
         Measure("course off nominal", name, error, "m at the end", 0.2)
         for name, error in zip(plants, errors, strict=True)
     ]
-    for name, values in {} if quick else BREAKING.items():
-        errors = parallel(course_error, [({"randomization": {name: value}},) for value in values])
-        survived = int(np.isinf([*errors, np.inf]).argmax())  # how many before the first fall
-        last, error = ([np.nan, *values][survived], [np.nan, *errors][survived])
-        tried = ", ".join(f"{value:g}" for value in values)
-        label = "where the course breaks"
-        figures.append(Measure(label, f"{name}, of {tried}: upright up to", last, ""))
-        figures.append(Measure(label, f"{name}: final error there", error, "m"))
-    return figures
 
 
 def course_error(plant: dict[str, Any]) -> float:
     """Return the final error on the course, infinite after a fall [m]."""
-    walked, error = follow_course(feedforward=True, simulation=plant)
+    walked, error = follow_course(plant)
     return np.inf if walked.fell else float(error[-1])

@@ -1,6 +1,6 @@
 """Time of a filtered action, rows included: every program, single and batched, beside others.
 
-Peers are measured in the same run where they are installed (the extra `benchmark`).
+cbfpy is measured in the same run where it is installed (the extra `benchmark`).
 """
 
 import functools
@@ -18,11 +18,8 @@ from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import CbfRows
-from hcbf_gym.programs.qp import solver_names
 
-BATCH, QUICK_BATCH = 4096, 256
-COMPARED_SOLVERS = ("daqp", "clarabel", "piqp", "osqp", "proxqp", "quadprog")
-ROW_COUNTS = (4, 8, 16, 32, 64)
+BATCH, QUICK_BATCH, ROWS = 4096, 256, 4
 
 
 def run(quick: bool) -> dict[str, Any]:
@@ -30,26 +27,19 @@ def run(quick: bool) -> dict[str, Any]:
     repeats, size = (50, QUICK_BATCH) if quick else (400, BATCH)
     figures: dict[str, Any] = {
         "single": _single(repeats),
-        "solvers": _solvers(repeats // 2),
         "batch": _batch(5 if quick else 25, size),
-        "growth": _growth(3 if quick else 15, size),
-        "peers": _peers(repeats, 3 if quick else 15, size),
+        "peers": _peers(repeats),
     }
     single, batch = figures["single"], figures["batch"]
     figures["batch_gain"] = {name: single[name] / batch[name] for name in batch}
     figures["actions_per_second"] = {name: 1e6 / batch[name] for name in batch}
-    rows = np.log(np.array(ROW_COUNTS[-1] / ROW_COUNTS[0]))
-    figures["growth_exponent"] = {
-        name: float(np.log(times[-1] / times[0]) / rows)
-        for name, times in figures["growth"].items()
-    }
     return figures
 
 
-def scene(m: int, rng: np.random.Generator) -> tuple[Barrier, ...]:
-    """Return m barriers of four priorities around the origin, such that about half are active."""
+def scene(rng: np.random.Generator) -> tuple[Barrier, ...]:
+    """Return `ROWS` barriers around the origin, of four priorities; about half are active."""
     barriers: list[Barrier] = [HalfPlane("wall", 1, (-1.0, 0.0), -1.0)]
-    while len(barriers) < m:
+    while len(barriers) < ROWS:
         k = len(barriers)
         angle, radius = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.5, 2.0)
         distance = radius + rng.uniform(-0.2, 1.0)
@@ -59,10 +49,10 @@ def scene(m: int, rng: np.random.Generator) -> tuple[Barrier, ...]:
 
 
 @functools.cache
-def states(count: int, m: int) -> tuple[BarrierSet, Array, Array, Array]:
-    """Return scenes of m barriers, states (N, 4), times (N,) and nominal inputs (N, 2)."""
+def states(count: int) -> tuple[BarrierSet, Array, Array, Array]:
+    """Return scenes, states (N, 4), times (N,) and nominal inputs (N, 2)."""
     rng = np.random.default_rng(0)
-    barriers = BarrierSet([scene(m, rng) for _ in range(count)])
+    barriers = BarrierSet([scene(rng) for _ in range(count)])
     x = np.concatenate((rng.normal(0.0, 0.2, (count, 2)), rng.normal(0.0, 0.5, (count, 2))), axis=1)
     return barriers, x, np.zeros(count), rng.normal(0.0, 3.0, (count, 2))
 
@@ -72,15 +62,12 @@ def medians(calls: Iterable[Callable[[], Any]], repeats: int) -> list[float]:
     return in_turn([(nothing, call) for call in calls], repeats).tolist()
 
 
-def _filter_in_turn(name: str, solver: str | None = None) -> Callable[[], Any]:
-    """Return a call that filters the next of 64 states of 4 barriers, rows included.
-
-    Without a solver's name it is the compiled program, as users get it.
-    """
-    _, x, t, u = states(64, 4)
-    scenes = [BarrierSet([scene(4, np.random.default_rng(i))]) for i in range(64)]
+def _filter_in_turn(name: str) -> Callable[[], Any]:
+    """Return a call that filters the next of 64 states, rows included."""
+    _, x, t, u = states(64)
+    scenes = [BarrierSet([scene(np.random.default_rng(i))]) for i in range(64)]
     cases = [(scenes[i], x[i : i + 1], t[:1], u[i]) for i in range(64)]
-    program, settings = programs.make(name, solver=solver), RowSettings()
+    program, settings = programs.make(name), RowSettings()
     turn = iter(range(10**9))
 
     def call() -> None:
@@ -97,65 +84,42 @@ def _single(repeats: int) -> dict[str, float]:
     return dict(zip(programs.names(), times, strict=True))
 
 
-def _solvers(repeats: int) -> dict[str, dict[str, float]]:
-    chosen = [None, *(name for name in COMPARED_SOLVERS if name in solver_names())]
-    table = {}
-    for name in ("h-cbf-qp", "lex-cbf-qp"):
-        times = medians([_filter_in_turn(name, solver) for solver in chosen], repeats)
-        table[name] = {solver or "compiled": t for solver, t in zip(chosen, times, strict=True)}
-    return table
-
-
-def _filter_batch(name: str, m: int, size: int) -> Callable[[], Any]:
-    barriers, x, t, u = states(size, m)
+def _filter_batch(name: str, size: int) -> Callable[[], Any]:
+    barriers, x, t, u = states(size)
     batch, settings = programs.make_batch(name), RowSettings()
     return lambda: batch(u, planar_rows(barriers, x, t, settings))
 
 
 def _batch(repeats: int, size: int) -> dict[str, float]:
     names = programs.names()
-    times = medians([_filter_batch(name, 4, size) for name in names], repeats)
+    times = medians([_filter_batch(name, size) for name in names], repeats)
     return {name: time / size for name, time in zip(names, times, strict=True)}
 
 
-def _growth(repeats: int, size: int) -> dict[str, list[float]]:
-    table = {}
-    for name in programs.names():
-        times = medians([_filter_batch(name, m, size) for m in ROW_COUNTS], repeats)
-        table[name] = [time / size for time in times]
-    return table
-
-
-def _peers(repeats: int, batch_repeats: int, size: int) -> dict[str, float]:
-    """Return the peers' times; our own programs take turns with cbfpy's filter."""
-    if importlib.util.find_spec("cbfpy") is None or importlib.util.find_spec("qpax") is None:
+def _peers(repeats: int) -> dict[str, float]:
+    """Return the times of cbfpy's filter and of our own programs, in turn."""
+    if importlib.util.find_spec("cbfpy") is None:
         return {}
     from benchmarks import peers
 
     ours = ("lex-cbf-qp", "h-cbf-qp", "eh-cbf-qp")
     calls = [peers.cbfpy_filter(), *(_filter_in_turn(name) for name in ours)]
-    times = dict(zip(("cbfpy safety_filter", *ours), medians(calls, repeats), strict=True))
-    (time_of_batch,) = medians([peers.qpax_batch(size)], batch_repeats)
-    return times | {"qpax vmap, per action": time_of_batch / size}
+    return dict(zip(("cbfpy safety_filter", *ours), medians(calls, repeats), strict=True))
 
 
 def tables(figures: dict[str, Any]) -> dict[str, Table]:
-    """Return the programs' times, those of the general form by solver, and the peers'."""
+    """Return the programs' times, and those beside cbfpy's."""
     columns = {
         "program": "`{name}`", "single [µs]": "{single:.0f}", "batch [µs]": "{batch:.2f}",
         "actions/s": "{actions_per_second:,.0f}", "gain": "{batch_gain:.0f}",
-        "m^p, 4 to 64": "{growth_exponent:.2f}",
     }  # fmt: skip
-    keys = ("single", "batch", "actions_per_second", "batch_gain", "growth_exponent")
+    keys = ("single", "batch", "actions_per_second", "batch_gain")
     programs = [
         {"name": name} | {key: figures[key][name] for key in keys} for name in figures["single"]
     ]
-    solvers = [{"name": name} | times for name, times in figures["solvers"].items()]
-    by_solver = {"program": "`{name}`"} | {key: f"{{{key}:.0f}}" for key in list(solvers[0])[1:]}
     of_peers = {"filter": "{name}", "a filtered action": "{time:.1f}"}
     peers = [{"name": name, "time": time} for name, time in figures["peers"].items()]
     return {
         "programs": table("A filtered action, 4 rows, rows included: medians", programs, columns),
-        "solvers": table("The same through a QP solver [µs]", solvers, by_solver),
         "peers": table("In turn with peers [µs]", peers, of_peers),
     }

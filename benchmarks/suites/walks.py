@@ -29,14 +29,12 @@ class Measure(NamedTuple):
     name: str  # under which circumstances
     value: float  # the figure
     unit: str  # of the value
-    bound: float | None = None  # what is required, None for a figure that is only reported
+    bound: float  # what is required
     at_least: bool = False  # whether the bound is a lower one
 
     @property
-    def met(self) -> bool | None:
-        """Whether the bound holds; None if there is none."""
-        if self.bound is None:
-            return None
+    def met(self) -> bool:
+        """Whether the bound holds."""
         return bool(self.value >= self.bound if self.at_least else self.value <= self.bound)
 
 
@@ -50,7 +48,6 @@ class Walk(NamedTuple):
     sole: Array  # (n, 4, 2) velocity along the ground of each foot's lowest point [m/s]
     mass: float  # of the robot [kg]
     fell: bool  # whether it did
-    solved: int  # task-space QPs solved
     failed: int  # task-space QPs without a solution
 
 
@@ -96,7 +93,6 @@ def walk(
         sole,
         float(brain.model.bodies.mass.sum()),
         plant.fallen,
-        brain.solved,
         brain.failed,
     )
 
@@ -163,16 +159,14 @@ def slip_per_step(walked: Walk, start: int) -> float:
     return float(np.mean(distances))
 
 
-def follow_course(
-    feedforward: bool, simulation: Mapping[str, Any] | None = None
-) -> tuple[Walk, Array]:
+def follow_course(simulation: Mapping[str, Any] | None = None) -> tuple[Walk, Array]:
     """Walk the paper's 20 s course unfiltered; return the walk and (n,) the tracking error [m]."""
     course = scenarios.make("paper-simulation", np.random.default_rng(0)).reference
 
     def u(t: float, _reference: BodyReference, state: RobotState) -> Array:
         position, velocity = course(t)
         pd = pd_law(position - state.position[:2], velocity - state.linear_velocity[:2])
-        return pd + course.acceleration(t) if feedforward else pd
+        return pd + course.acceleration(t)
 
     direction = course(20.0)[0]
     yaw = float(np.arctan2(direction[1], direction[0]))

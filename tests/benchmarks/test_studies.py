@@ -6,19 +6,11 @@ import numpy as np
 import pytest
 from needs import needs
 
-from benchmarks import map_guidance, refute, uncertain
+from benchmarks import map_guidance, uncertain
 from benchmarks.suites import estimation, held_rows
 from benchmarks.suites import monte_carlo as command
-from benchmarks.unmeasured import FAULTS, FLEET, WITHIN, cases, honest
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_robots.maps import MapClass, RankedMap
-
-
-@pytest.mark.parametrize("name", refute.CLAIMS)
-def test_no_claim_of_the_pages_is_refuted(name):
-    looked, worst, _ = refute.search(name, 6, 80, 4)
-    assert looked >= 50
-    assert worst < -refute.ROUNDING if name in refute.CORRECTED else worst >= -refute.ROUNDING
 
 
 @needs("jax")  # of vehicles and the own model
@@ -43,20 +35,6 @@ def test_under_held_rows_no_policy_passes_a_strict_barrier(policy):
 
 def test_the_usual_rows_let_pd_pass_the_speed_limit_between_samples():
     assert held_rows.walk_all("random", "pd", "usual", 10)["least_speed_h"] < 0.0
-
-
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("name", ["TurtleBot 4", "omni"])
-def test_a_fault_on_wheels_is_reported_within_2_s_of_driving_and_stops_the_robot(name, fault):
-    for one in cases(name, fault, 4):
-        assert one.after <= WITHIN
-        assert one.stops
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_no_robot_without_a_fault_is_reported():
-    assert honest(len(FLEET), 20.0) == []
 
 
 def test_a_corridor_is_walked_and_a_zone_left_on_the_path_of_the_field():

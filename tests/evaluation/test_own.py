@@ -14,9 +14,8 @@ from hcbf_gym import barriers, cli, wrappers
 from hcbf_gym.drawing import scene_plot
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import episode_plot, own_environment
-from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import rollout
-from hcbf_gym.evaluation.rollouts import Case, evaluate
+from hcbf_gym.evaluation.rollouts import Case
 
 ROOT = Path(__file__).parents[2]
 ROM = "HCBF-Regions-v0"
@@ -66,30 +65,6 @@ def test_a_function_gives_the_numbers_that_a_loop_by_hand_gives(own, tmp_path):
     assert 0.9 < row["entered_at_most"] < 1.0  # two episodes say little
     assert found["settings"]["policy"] == [policy]
     assert found["settings"]["versions"]["numpy"] == np.__version__
-
-
-FILED = """
-from pathlib import Path
-
-def act(observation, info):
-    return float(Path(__file__).with_name("gain").read_text()) * observation[:2]
-"""
-
-
-@pytest.mark.parametrize("episodes", [2, 16])
-def test_an_episode_of_other_data_is_no_part_of_an_evaluation(tmp_path, episodes):
-    (tmp_path / "filed.py").write_text(FILED, encoding="utf-8")
-    case = Case(ROM, "random", f"{tmp_path / 'filed.py'}:act", "lex-cbf-qp", steps=10)
-
-    def positions(gain, folder):
-        (tmp_path / "gain").write_text(gain)
-        found = evaluate([case], range(episodes), Runs(tmp_path / folder, 1, quiet=True))
-        return {seed: episode.summary() for _, seed, episode in found}
-
-    slow = positions("0.5", "kept")
-    assert positions("0.5", "kept") == slow
-    fast = positions("2.0", "kept")
-    assert fast == positions("2.0", "empty") != slow
 
 
 def test_an_environment_of_ones_own_gives_the_numbers_that_a_loop_by_hand_gives(own, tmp_path):

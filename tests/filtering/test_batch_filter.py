@@ -6,14 +6,13 @@ from needs import needs
 
 import hcbf_gym
 from hcbf_gym import Estimate, programs
-from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, Shapes, SpeedLimit
+from hcbf_gym.barriers import BarrierSet, Disc, HalfPlane, Shapes, SpeedLimit
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models import Box, Reason
 from hcbf_gym.programs import FilterStatus
 from tests.worlds import OwnDisc
 
 PERIOD, U = 0.02, Box.symmetric(5.0)
-RANKS = [1, 2, 3, 1]
 
 
 def drawn(seed, count):
@@ -100,19 +99,6 @@ def test_a_batch_is_as_many_single_filters(program, threads):
     assert len(statuses) >= 3  # neither all idle nor all in conflict
 
 
-def test_arrays_of_each_plant_are_the_lists_of_each():
-    x, numbers = drawn(2, 40)
-    answers = []
-    for scenes in (arrays(numbers), listed(numbers)):
-        filt = hcbf_gym.BatchFilter(U, PERIOD, 40)
-        filt.set_scene(scenes)
-        filt.reset(x=x)
-        answers.append(filt(np.full((40, 2), 4.0), x)[1])
-        assert [c.rank for c in filt.conditions(3)] == RANKS
-        assert [c.name for c in filt.conditions(3)] == ["a", "b", "wall", "cap"]
-    same(*answers)
-
-
 def test_one_list_is_for_all_and_short_lists_are_filled():
     near = Disc("near", 1, center=(0.8, 0.0), radius=0.5)
     far = HalfPlane("far", 2, normal=(0.0, 1.0), offset=-9.0)
@@ -130,34 +116,6 @@ def test_one_list_is_for_all_and_short_lists_are_filled():
     np.testing.assert_array_equal(other[2], wanted[2])  # an empty scene forbids nothing
     assert report["status"][2] == FilterStatus.NOMINAL
     assert ragged.conditions(2)[0].name == "nothing"
-
-
-def test_a_bad_state_brakes_alone():
-    count, bad = 1000, 371
-    x, numbers = drawn(3, count)
-    x[bad, 2:] = 0.4, 0.0
-    good, hurt = (hcbf_gym.BatchFilter(U, PERIOD, count) for _ in range(2))
-    for filt in (good, hurt):
-        filt.set_scene(arrays(numbers))
-        filt.reset(x=x)
-    wanted = np.random.default_rng(0).uniform(-5.0, 5.0, (count, 2))
-    for filt in (good, hurt):
-        u, _ = filt(wanted, x)
-    x = moved(x, u)
-    broken = x.copy()
-    broken[bad, 1] = np.nan
-    u, report = good(wanted, x)
-    with pytest.warns(SafetyWarning, match="not finite"):
-        other, hurts = hurt(wanted, broken)
-    others = np.arange(count) != bad
-    np.testing.assert_array_equal(u[others], other[others])
-    assert (hurts["status"] == FilterStatus.BACKUP).nonzero()[0].tolist() == [bad]
-    assert hurts["reason"][bad] == Reason.STATE
-    assert np.isnan(hurts["h"][bad]).all()
-    same(
-        {key: value[others] for key, value in report.items()},
-        {key: value[others] for key, value in hurts.items()},
-    )
 
 
 PARTS = {
@@ -267,23 +225,6 @@ def test_some_begin_anew_while_the_others_go_on():
     _, begun = other(wanted, x)
     assert (report["reason"] == Reason.NONE).all()
     same({k: v[2] for k, v in report.items()}, {k: v[2] for k, v in begun.items()})
-
-
-def test_guidance_leads_each_plant_to_its_goal():
-    x = np.tile([-3.0, 0.1, 0.0, 0.0], (2, 1))
-    goals = np.array([[3.0, 0.0], [3.0, 2.0]])
-    filt = hcbf_gym.BatchFilter(U, 0.05, 2, guidance="geodesic")
-    block = ConvexPolygon("block", 1, vertices=((-0.5, -2.0), (0.5, -2.0), (0.5, 2.0), (-0.5, 2.0)))
-    filt.set_scene([block, SpeedLimit("cap", 1, 1.5)])
-    with pytest.raises(InvalidInputError, match="goal"):
-        filt.reset(x=x)
-    filt.reset(x=x, goal=goals)
-    for _ in range(400):
-        u, report = filt(2.0 * (goals - x[:, :2]) - 2.0 * x[:, 2:], x)
-        x[:, :2] += 0.05 * x[:, 2:] + 0.5 * 0.05**2 * u
-        x[:, 2:] += 0.05 * u
-        assert (report["h"][:, 0] >= -1e-9).all()
-    assert (np.linalg.norm(x[:, :2] - goals, axis=1) < 0.1).all()
 
 
 def test_a_refused_scene_stops_all_until_a_good_one_is_set():
@@ -413,15 +354,3 @@ def test_jax_goes_in_and_comes_out():
     assert isinstance(report["status"], jax.Array)
     with pytest.raises(InvalidInputError, match="pure_callback"):
         jax.jit(lambda wanted: filt(wanted, states)[0])(jax.numpy.ones((30, 2)))
-
-
-def test_an_estimate_may_take_the_place_of_a_state():
-    filt, other = (hcbf_gym.BatchFilter(U, PERIOD, 3) for _ in range(2))
-    x = np.zeros((3, 4))
-    for each in (filt, other):
-        each.set_scene([DISC])
-        each.reset(x=x)
-    covariance = np.tile(1e-3 * np.eye(4), (3, 1, 1))
-    _, reported = filt(np.ones((3, 2)), Estimate(x, covariance=covariance))
-    _, plain = other(np.ones((3, 2)), x)
-    assert (reported["margin"] > plain["margin"]).all()

@@ -146,27 +146,6 @@ def ahead(model, scenes):
     return [seen(scenes[0])]
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("name", ["velocities", "drag", "own", "three inputs"])
-@pytest.mark.filterwarnings("ignore")
-def test_a_plant_that_is_not_known_brakes_alone(name, dtype):
-    model = MODELS[name]
-
-    def lies(x, k):
-        if 20 <= k < 30:
-            x[2, 0] = np.nan
-        return x.astype(dtype)
-
-    many = batch_of(model, SHARED, lies)
-    many.reset()
-    for k, u in enumerate(inputs(model)):
-        report = many.step(u)[4]["safety_filter"]
-        braking = report["status"] == FilterStatus.BACKUP
-        np.testing.assert_array_equal(braking, (np.arange(N) == 2) & (20 <= k < 30))
-        np.testing.assert_array_equal(report["reason"] == Reason.STATE, braking)
-        assert np.isfinite(report["u_safe"]).all()
-
-
 class Malformed(Barrier):
     """A condition of one's own that gives no numbers beyond x = 0.1."""
 
@@ -208,33 +187,9 @@ def test_an_input_that_is_reversed_alarms_for_its_plant_alone():
     np.testing.assert_array_equal(report["reason"] == Reason.INPUT, np.arange(N) == 3)
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_a_wall_that_appears_is_news_for_its_plant_alone():
-    scenes = [list(scene) for scene in OWN]
-    many = batch_of(MODELS["drag"], lambda: scenes)
-    many.reset()
-    for u in inputs(MODELS["drag"])[:10]:
-        many.step(u)
-    x = many.unwrapped.x[1]
-    scenes[1][1] = Disc("near", 1, x[:2] + np.array([0.45, 0.0]), 0.5)
-    scenes[1][0] = WALL
-    report = many.step(np.zeros((N, 2)))[4]["safety_filter"]
-    assert report["status"][1] >= FilterStatus.VIOLATED
-    assert (report["status"][np.arange(N) != 1] < FilterStatus.VIOLATED).all()
-
-
 def test_the_scenes_of_an_environment_are_refused_in_words():
     with pytest.raises(InvalidInputError, match="planar double integrator"):
         batch_of(MODELS["drag"], BarrierSet([SHARED] * N, is_placed=True))
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_an_estimate_of_all_is_read():
-    model = MODELS["drag"]
-    many = batch_of(model, SHARED, lambda x, k: Estimate(x, time=np.full(N, T * k)))
-    many.reset()
-    for u in inputs(model)[:5]:
-        assert (many.step(u)[4]["safety_filter"]["reason"] == 0).all()
 
 
 class Gap(models.ControlAffine):

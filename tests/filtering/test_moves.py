@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from needs import needs
 
-from benchmarks import trackers
 from hcbf_gym import BatchFilter
 from hcbf_gym.barriers import Disc, Function, HalfPlane, Shapes
 from hcbf_gym.errors import SafetyWarning
@@ -136,29 +135,62 @@ def test_the_step_is_not_calm_and_one_warning_an_episode_names_the_region(on_ala
         assert u[0] == 0.01
 
 
-def test_errors_that_are_declared_are_no_motion():
-    rng, filt = np.random.default_rng(0), BatchFilter(
-        Box.symmetric(5.0), T, uncertainty=Uncertainty(distance=0.02)
-    )  # fmt: skip
-    x = np.zeros(4)
-    filt.set_scene([Disc("it", 1, (1.0, 0.0), 0.5)])
-    filt.reset(x=x)
-    for _ in range(400):
-        turn = rng.uniform(0.0, 2.0 * np.pi)
-        at = 1.0 + 0.02 * np.cos(turn), 0.02 * np.sin(turn)
-        filt.set_scene([Disc("it", 1, at, 0.5)])
-        assert quietly(filt, np.zeros(2), x)[1]["reason"] == 0
+NOISE = 0.02
+"""By how much a position is off at most [m]; of normal errors three deviations."""
 
 
+def uniform(rng, shape):
+    turn, far = rng.uniform(0.0, 2.0 * np.pi, shape), np.sqrt(rng.uniform(0.0, 1.0, shape))
+    return NOISE * far[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+
+
+def normal(rng, shape):
+    return NOISE / 3.0 * rng.normal(size=(*shape, 2))
+
+
+def tracked(places, radius, velocity, named):
+    """Return what a tracker gives of N robots' discs (N, m): arrays, or lists of named discs."""
+    if not named:
+        numbers = np.concatenate([places, radius[..., None]], axis=2)
+        return [Shapes("people", 1, "disc", numbers, velocity)]
+    return [
+        [Disc(f"person {k}", 1, *one) for k, one in enumerate(zip(*row, strict=True))]
+        for row in zip(places.tolist(), radius.tolist(), velocity.tolist(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("errors", [uniform, normal])
 @pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize("turns", [False, True])
-def test_trackers(turns, named):
-    """The quick form of ``python -m benchmarks.trackers``."""
-    for errors in trackers.ERRORS.values():
-        for declares in (True, False):
-            world = trackers.World(30, 3, 0.05, 7, named)
-            found = quietly(trackers.drive, world, errors, declares, 6.0, turns)
-            assert found.calm == 0
-            assert declares or (found.unreported, found.entered > 0) == (0, True)
-        assert (quietly(trackers.delays, 50, 0.05, errors, named, 8) <= 0.5).mean() >= 0.95
-        assert quietly(trackers.rest, 5, 0.05, errors, named, 5.0, 9) == 0
+@pytest.mark.parametrize("declares", [False, True])
+def test_no_region_that_is_tracked_with_errors_is_entered_calmly(declares, named, errors):
+    """Discs rest for 1 s, which is no motion, and drive at the robots then."""
+    rng, x, period, rests, n = np.random.default_rng(7), np.zeros((40, 4)), 0.05, 20, 40
+    turn, far = rng.uniform(0.0, 2.0 * np.pi, (n, 3)), rng.uniform(3.0, 6.0, (n, 3))
+    place = far[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    radius, speed = rng.uniform(0.2, 0.6, (n, 3)), rng.uniform(0.3, 1.0, (n, 3, 1))
+    filt, w = (
+        BatchFilter(Box.symmetric(5.0), period, n, uncertainty=Uncertainty(NOISE)),
+        0.0 * place,
+    )
+    moved, entered, delay = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), np.full(n, np.inf)
+    for step in range(160):
+        seen = place + errors(rng, (n, 3))
+        filt.set_scene(tracked(seen, radius, w if declares else 0.0 * w, named))
+        if step == 0:
+            quietly(lambda: filt.reset(x=x))
+        u, report = quietly(filt, np.clip(-4.0 * x[:, 2:] - x[:, :2], -5.0, 5.0), x)
+        moved |= report["reason"] == Reason.MOVES
+        assert not (moved.any() and (declares or step < rests))
+        delay = np.where(moved & np.isinf(delay), (step - rests) * period, delay)
+        x[:, :2] += period * x[:, 2:] + 0.5 * period**2 * u
+        x[:, 2:] += period * u
+        place = place + period * w
+        inside = (np.linalg.norm(x[:, None, :2] - place, axis=2) < radius).any(axis=1)
+        calm = (report["status"] <= FilterStatus.RELAXED) & (report["reason"] == 0)
+        assert not (inside & ~entered & calm).any()
+        entered |= inside
+        assert declares or moved[inside].all()
+        if step >= rests:
+            to = x[:, None, :2] - place
+            w = speed * to / np.linalg.norm(to, axis=2, keepdims=True)
+    assert declares or (entered.any() and np.mean(delay <= 0.5) >= 0.95)

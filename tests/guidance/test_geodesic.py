@@ -156,20 +156,6 @@ def test_no_safety_row_pays_for_the_guidance_row(seed):
         np.testing.assert_allclose(paid[1], paid[0], atol=1e-6)
 
 
-def test_one_scene_has_the_field_that_it_has_among_many_and_a_seed_decides_it():
-    scenes = [scenarios.make("random", np.random.default_rng(seed)) for seed in range(4)]
-    together = guidance.Geodesic(4)
-    together.reset(BarrierSet([s.barriers for s in scenes]), np.array([s.goal for s in scenes]))
-    for n, scene in enumerate(scenes):
-        for _ in range(2):
-            alone = guidance.Geodesic()
-            alone.reset(scene.barriers, scene.goal)
-            cells = alone.field.shape[1]
-            np.testing.assert_array_equal(alone.geometry[0], together.geometry[n])
-            np.testing.assert_array_equal(alone.field[0], together.field[n, :cells])
-            np.testing.assert_array_equal(alone.through[0], together.through[n, :cells])
-
-
 def test_a_reset_of_one_scene_leaves_the_others_alone():
     scenes = [scenarios.make("random", np.random.default_rng(seed)) for seed in range(3)]
     barriers = BarrierSet([scene.barriers for scene in scenes])

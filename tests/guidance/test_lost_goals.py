@@ -5,7 +5,6 @@ from contextlib import nullcontext
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.vector import SyncVectorEnv
 
 import hcbf_gym
 from hcbf_gym import Estimate, _core, models
@@ -48,34 +47,10 @@ class Room(World):
         )  # fmt: skip
 
 
-def plant_of_many():
-    """The plant of N rooms in a `SyncVectorEnv`."""
-
-    def of_each(name):
-        return lambda env, *_: [getattr(one.unwrapped, name) for one in env.envs]
-
-    states = of_each("x")
-    return hcbf_gym.Plant(
-        models.DoubleIntegrator(), of_each("barriers"),
-        lambda *seen: Estimate(np.array(states(*seen))), period=T,
-        goal=lambda *seen: np.array(of_each("goal")(*seen)),
-    )  # fmt: skip
-
-
 def by_wrapper(ranked, led, goal=GOAL):
     env = SafetyFilter(Room(ranked, goal), guidance=led)
     env.reset()
     return [env.step(np.zeros(2))[4]["safety_filter"] for _ in range(30)]
-
-
-def by_vector(ranked, led, goal=GOAL):
-    """Of two plants, the first in a room without a zone: it drives."""
-    env = SyncVectorEnv([lambda: Room(a_map(zone=False)), lambda: Room(ranked, goal)])
-    env = VectorSafetyFilter(env, plant=plant_of_many(), guidance=led)
-    env.reset()
-    reports = [env.step(np.zeros((2, 2)))[4]["safety_filter"] for _ in range(30)]
-    assert all(report["reason"][0] == Reason.NONE for report in reports)
-    return [{key: value[1] for key, value in report.items()} for report in reports]
 
 
 def by_batch(ranked, led, goal=GOAL):
@@ -106,7 +81,7 @@ def by_velocity(ranked, led, goal=GOAL):
     return reports
 
 
-ENTRIES = {"wrapper": by_wrapper, "vector": by_vector, "batch": by_batch, "velocity": by_velocity}
+ENTRIES = {"wrapper": by_wrapper, "batch": by_batch, "velocity": by_velocity}
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
@@ -212,17 +187,6 @@ def chase(entry, goals):
             env.goal = goal
             safe.step(np.clip(-1.5 * env.x[2:], -2.0, 2.0))
         return env.x[:2]
-    if entry == "vector":
-        rooms = [Room(start=(0.0, 0.5), goal=goals[0]) for _ in range(2)]
-        for room in rooms:
-            room.barriers = DISC
-        env = SyncVectorEnv([lambda: rooms[0], lambda: rooms[1]])
-        safe = VectorSafetyFilter(env, plant=plant_of_many(), guidance="geodesic")
-        safe.reset()
-        for goal in goals:
-            rooms[1].goal = goal
-            safe.step(np.clip([-1.5 * room.x[2:] for room in rooms], -2.0, 2.0))
-        return rooms[1].x[:2]
     filt = hcbf_gym.BatchFilter(Box.symmetric(2.0), T, 2, guidance="geodesic")
     filt.set_scene(DISC)
     x = np.tile([0.0, 0.5, 0.0, 0.0], (2, 1))
@@ -234,7 +198,7 @@ def chase(entry, goals):
     return x[1, :2]
 
 
-@pytest.mark.parametrize("entry", ["wrapper", "vector", "batch"])
+@pytest.mark.parametrize("entry", ["wrapper", "batch"])
 def test_a_goal_that_moves_is_followed_with_a_field_for_each_cell(entry, computed):
     still = [(6.0, 0.5)] * 20
     small = [(6.0, 0.5 + 0.004 * k) for k in range(20)]  # less than a cell
@@ -245,7 +209,7 @@ def test_a_goal_that_moves_is_followed_with_a_field_for_each_cell(entry, compute
     np.testing.assert_allclose(end, (6.0, 2.5), atol=0.05)
 
 
-@pytest.mark.parametrize("entry", ["wrapper", "vector", "batch"])
+@pytest.mark.parametrize("entry", ["wrapper", "batch"])
 def test_a_goal_that_moves_by_less_than_a_cell_is_where_the_robot_arrives(entry, computed):
     end = chase(entry, [(1.5, 0.5)] * 5 + [(1.56, 0.5)] * 300)
     assert len(computed) == 1

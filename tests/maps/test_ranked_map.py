@@ -128,6 +128,37 @@ def test_a_malformed_map_is_refused_with_the_cause(tmp_path, keys, message):
         RankedMap.load(write(tmp_path, **keys))
 
 
+@pytest.mark.parametrize(
+    "content", [b"", b"no image", b"P5 3 3 255\n\0", b"P5 3 3 65535\n" + bytes(18)]
+)
+def test_a_damaged_image_is_refused(tmp_path, content):
+    file = write(tmp_path)
+    (tmp_path / "map.pgm").write_bytes(content)
+    with pytest.raises(InvalidInputError, match="got"):
+        RankedMap.load(file)
+
+
+@pytest.mark.parametrize("text", ["", "- x", "a: b: c", "&a *a", "\t", "image: map.pgm"])
+def test_a_malformed_description_is_refused(tmp_path, text):
+    file = write(tmp_path)
+    file.write_text(text)
+    with pytest.raises(InvalidInputError, match=r"got|missing"):
+        RankedMap.load(file)
+
+
+@pytest.mark.parametrize("key", ["resolution", "origin", "shape", "classes"])
+@pytest.mark.parametrize("value", [None, "x", [], [1], {}, [np.nan] * 3])
+def test_a_malformed_record_is_refused(key, value):
+    data = room(0, zone=MapClass("zone", 2, "keepout", cells(5))).to_dict()
+    assert key in data
+    if (key, value) != ("classes", []):
+        with pytest.raises(InvalidInputError, match=r"got|missing"):
+            RankedMap.from_dict(data | {key: value})
+    one = data["classes"][-1] | {"cells": "eJwDAAAAAAE="}
+    with pytest.raises(InvalidInputError, match="got"):
+        RankedMap.from_dict(data | {"classes": [one]})
+
+
 def of(cells, grid, points):
     """Return whether points (N, 2) lie in cells of a grid."""
     column, row = np.floor(grid.to_cells(points)).astype(int).T

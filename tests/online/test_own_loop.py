@@ -289,23 +289,6 @@ def test_far_origins_change_nothing():
     assert (seen[:, -1] != FilterStatus.BACKUP).all()
 
 
-@pytest.mark.filterwarnings("ignore:.*brakes")
-def test_guidance_leads_on_a_map_with_a_far_origin():
-    cells = np.zeros((40, 60), dtype=bool)
-    cells[:25, 30] = True  # a wall with a way round its end
-    paths = []
-    for x, y in ((0.0, 0.0), UTM):
-        grid = Grid(0.1, (x - 1.0, y - 2.0, 0.0), (40, 60))
-        room = RankedMap(grid, (MapClass("walls", 1, "keepout", cells),))
-        goal = (x + 4.0, y - 1.0)
-        safe = VelocityFilter(EXACT, [room], period=PERIOD, guidance="geodesic", goal=goal)
-        paths.append(run(safe, 0.0, (x, y), wanted=(0.0, 0.0, 0.0), seconds=20.0)[0])
-        _, report = safe.step((0.0, 0.0, 0.0), (x + 20_000.0, y, 0.0), (0.0, 0.0, 0.0), 20.0)
-        assert report["reason"] == Reason.STATE  # as far from where it counts from
-    np.testing.assert_allclose(paths[1], paths[0], atol=1e-3)
-    assert np.linalg.norm(paths[0][-1] - [4.0, -1.0]) < 0.2
-
-
 def test_shapes_and_maps_elsewhere_have_the_same_h():
     rng = np.random.default_rng(0)
     step = np.array([7.0, -4.0])

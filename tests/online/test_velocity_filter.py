@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.velocity_loops import Cart, LoopEpisode
-from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane, SpeedLimit
+from hcbf_gym.barriers import BarrierSet, ConvexPolygon, Disc, HalfPlane
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models import Reason
@@ -128,19 +128,6 @@ def test_bad_data_brake_at_once_and_good_ones_go_on(bad):
     assert command[0] > 0.0
 
 
-@STANDS
-def test_old_data_brake():
-    safe = VelocityFilter("cart", FAR, max_age=0.1)
-    assert safe.step((0.6, 0.0), *AT_REST, 0.0, now=0.05)[0][0] > 0.0
-    for now, message in ((0.2, "0.15 s old"), (-0.06, "0.11 s ahead of the clock")):
-        with warnings.catch_warnings(record=True) as raised:
-            warnings.simplefilter("always")
-            command, report = safe.step((0.6, 0.0), *AT_REST, 0.05, now=now)
-        assert any(message in str(one.message) for one in raised)
-        assert report["reason"] == Reason.AGE
-        np.testing.assert_array_equal(command, np.zeros(2))
-
-
 @pytest.mark.parametrize("ahead", [1e-3, 0.05, 0.1])
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_a_stamp_that_is_a_little_ahead_is_of_now(ahead, repeats):
@@ -185,20 +172,6 @@ def test_a_clock_that_goes_back_leaves_no_command():
     np.testing.assert_array_equal(safe.command_at(10.45), given)
     for now in (10.4, 0.0, -math.inf, math.nan):
         np.testing.assert_array_equal(safe.command_at(now), np.zeros(2))
-
-
-def test_barriers_that_no_filter_can_begin_with_brake_until_there_are_others():
-    safe = VelocityFilter("cart", FAR, period=0.05)
-    safe.barriers = [*FAR, SpeedLimit("slow", 1, 0.01)]
-    with (
-        pytest.warns(SafetyWarning, match="brakes until that ends"),
-        pytest.warns(SafetyWarning, match="no speed is left"),
-    ):
-        command, report = safe.step((0.6, 0.2), *AT_REST, 0.0)
-    np.testing.assert_array_equal(command, np.zeros(2))
-    assert (report["status"], report["reason"]) == (FilterStatus.BACKUP, Reason.BARRIERS)
-    safe.barriers = FAR
-    assert safe.step((0.6, 0.2), *AT_REST, 0.05)[1]["status"] <= FilterStatus.SAFE
 
 
 @pytest.mark.parametrize("huge", [1e300, -1.7e308])

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import socket
 import threading
 
@@ -11,7 +10,6 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from hcbf_gym import cli
 from hcbf_gym.errors import InvalidInputError
 from hcbf_lab.play import command
 from hcbf_lab.play.page import FIRST_PORT, Page
@@ -78,34 +76,6 @@ def test_all_senders_of_a_page_have_thread_safe_events(session):
 def test_a_port_that_is_taken_is_refused_when_requested(session, taken):
     with pytest.raises(InvalidInputError, match=f"port: got {taken} .*free"):
         Page(session, taken)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--port", "70000"], "expected a number from 0 to 65535"),
-        (["--scenario", "{folder}/broken.json"], "broken.json"),
-        (["--scenario", "{folder}/deep.json"], "deep.json"),
-        (["--scenario", "{folder}/nothing.json"], "nothing.json"),
-        (["--scenario", "{folder}/flat.json"], "expected a number > 0"),
-        (["--program", "no-such"], "unknown program"),
-    ],
-)
-def test_the_command_ends_in_one_line_before_anything_is_served(
-    tmp_path, arguments, message, capsys
-):
-    (tmp_path / "broken.json").write_text("{")
-    (tmp_path / "deep.json").write_text("[" * 100_000)
-    flat = {"kind": "disc", "name": "flat", "priority": 1, "center": [0.0, 5.0], "radius": 0.0}
-    reference = {"kind": "point", "goal": [1.0, 0.0]}
-    scene = {"name": "flat", "barriers": [flat], "reference": reference}
-    (tmp_path / "flat.json").write_text(json.dumps(scene))
-    given = [argument.format(folder=tmp_path) for argument in arguments]
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["play", "--model", "reduced", *given])
-    error = f"{ended.value}\n{capsys.readouterr().err}".removeprefix("2\n").strip()
-    assert message in error
-    assert "\n" not in error
 
 
 def test_the_command_prints_where_the_page_is_when_its_usual_port_is_taken(

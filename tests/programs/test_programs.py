@@ -90,25 +90,6 @@ def test_a_zero_row_is_a_constant(name):
     np.testing.assert_allclose(result.slack, [3.0, 0.0])
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_any_number_of_inputs_is_allowed(name):
-    # a plane embedded in three inputs, the third of which no row touches
-    box = Box([-5.0, -5.0, -1.0], [5.0, 5.0, 1.0])
-    rows = rows_of([[1.0, 0.2], [-0.8, 0.6], [0.1, -1.0]], [6.0, 1.0, 3.0], [1, 2, 2])
-    tall = rows._replace(a=np.pad(rows.a, ((0, 0), (0, 1))))
-    flat = programs.make(name)(np.array([-1.0, 2.0]), rows)
-    high = programs.make(name, input_set=box)(np.array([-1.0, 2.0, 0.5]), tall)
-    np.testing.assert_allclose(high.u, [*flat.u, 0.5], atol=1e-6)
-    np.testing.assert_allclose(high.slack, flat.slack, atol=1e-6)
-    assert high.status is flat.status
-
-
-def test_one_input_is_allowed():
-    program = programs.make("lex-cbf-qp", input_set=Box([-1.0], [2.0]))
-    result = program(np.array([0.0]), rows_of([[1.0], [-1.0]], [1.0, 1.0], [1, 2]))
-    np.testing.assert_allclose(result.u, [1.0], atol=1e-9)
-
-
 @pytest.mark.parametrize(("n_u", "solver"), [(2, None), (2, "daqp"), (3, None)])
 def test_a_program_that_has_answered_is_pickled_and_copied(n_u, solver):
     program = programs.make("ih-cbf-qp", input_set=Box.symmetric(2.0, n_u=n_u), solver=solver)

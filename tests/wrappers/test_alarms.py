@@ -46,24 +46,6 @@ def test_the_users_brake_is_asked_with_a_state_that_is_known_and_may_change_its_
     assert not report["slack"].any()
 
 
-def test_a_list_that_is_changed_in_place_is_seen():
-    listed = [barriers.Disc("far", 1, center=(50.0, 0.0), radius=0.5)]
-    env = filtered(listed=lambda: listed)
-    env.reset(seed=0)
-    assert quietly(env)["status"] == FilterStatus.NOMINAL
-    listed[0] = barriers.Disc("near", 1, center=(0.6, 0.0), radius=0.5)
-    assert quietly(env)["status"] != FilterStatus.NOMINAL
-    for _ in range(200):
-        quietly(env)
-    assert np.hypot(env.unwrapped.x[0] - 0.6, env.unwrapped.x[1]) >= 0.5
-    listed.clear()
-    report = quietly(env)
-    assert report["status"] == FilterStatus.NOMINAL
-    assert report["slack"].shape == (0,)
-    listed.append(barriers.Disc("soft", 2, center=(0.0, 0.0), radius=5.0))  # no rank 1 in sight
-    assert quietly(env)["status"] in (FilterStatus.RELAXED, FilterStatus.SAFE)
-
-
 @pytest.mark.parametrize("solver", [None, "daqp"])
 @pytest.mark.parametrize("reason", [Reason.SLIP, Reason.LAG, Reason.LIFT, Reason.INPUT])
 def test_after_an_alarm_the_rows_still_hold(reason, solver):

@@ -181,23 +181,6 @@ def test_every_part_of_an_estimate_is_looked_at_as_it_is_at_a_reset(fields, reas
     assert (braked(info), answers(info)[1]) == (bool(reason), reason)
 
 
-def test_a_clock_that_is_at_rest_brakes_until_it_advances():
-    env, reader, world = filtered()
-    times = [0.0, 0.0, 0.05, 0.05, 0.02, 0.1]  # the first two are of the reset and its first step
-    reasons = []
-    for k, time in enumerate(times):
-        reader.sends = [Estimate(np.zeros(4) if k == 0 else world.x.copy(), time)]
-        if k == 0:
-            _, info = env.reset(seed=0)
-        elif k == 3:
-            with pytest.warns(UserWarning, match="time of the state does not advance"):
-                *_, info = env.step(PUSH)
-        else:
-            *_, info = env.step(PUSH)
-        reasons.append(answers(info)[1])
-    assert reasons == [0, 0, 0, Reason.CLOCK, Reason.CLOCK, 0]
-
-
 @pytest.mark.filterwarnings("ignore:safety filter. the plant's period is not known")
 def test_a_plant_declares_how_it_brakes_and_nonsense_from_it_is_the_input_nearest_0():
     for brake, period, expected in (

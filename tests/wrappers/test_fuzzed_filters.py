@@ -13,11 +13,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
 import hcbf_gym
-import hcbf_robots
 from benchmarks.suites.mutations import mutated
 from hcbf_gym import Estimate, HcbfError, barriers, models, scenarios, wrappers
 from hcbf_gym.envs.regions_vector import RegionsVectorEnv
-from hcbf_gym.models import Uncertainty
 from hcbf_gym.programs import FilterStatus
 from tests.worlds import World
 
@@ -240,37 +238,6 @@ def test_barriers(reported, reader, core):
         assert reports[-1]["status"] == FilterStatus.BACKUP
 
 
-PLANT = ("period", "brake", "max_age", "goal", "extent", "covered", "on_alarm", "uncertainty")
-
-
-@fuzzed(
-    24,
-    st.sampled_from(PLANT),
-    st.one_of(values, st.builds(Uncertainty, values, numbers, numbers, numbers, numbers, values)),
-    st.sampled_from([None, "geodesic", "local"]),
-)
-def test_fields_of_a_plant(name, reported, guidance):
-    fields: dict = {"period": PERIOD, "goal": (2.0, 0.0)} | {name: reported}
-    made = hcbf_gym.Plant(models.DoubleIntegrator(), (WALL,), lambda *_: GOOD.copy(), **fields)
-    drive(wrappers.SafetyFilter(point(), plant=made, guidance=guidance), reported)
-
-
-FILTER = ("rows", "margin", "gamma0", "delta_gamma", "lambda_u", "alpha1", "alpha2", "on_alarm")
-
-
-@fuzzed(16, st.sampled_from(FILTER), values, st.booleans())
-def test_arguments_of_a_filter(name, reported, many):
-    options: dict = {"program": "h-cbf-qp"} | {name: reported}
-    if many:
-        envs = gym.make_vec("HCBF-Regions-v0", num_envs=3, scenario="random")
-        envs = wrappers.VectorSafetyFilter(envs, **options)
-        envs.reset(seed=0)
-        envs.step(np.full((3, 2), 2.0))
-    else:
-        env = gym.make("HCBF-Regions-v0", scenario="random")
-        drive(wrappers.SafetyFilter(env, **options), reported)
-
-
 SCENES = ("paper-simulation", "paper-experiment", "random-moving", "random-wide")
 
 
@@ -311,20 +278,12 @@ class ReportingBatch(RegionsVectorEnv):
         return dataclasses.replace(super().plant, state=lambda *_: self.reported)
 
 
-class ForeignBatch(ReportingBatch):
-    """Another batch, which brings its plant."""
-
-    @property
-    def plant(self):
-        return self.reported
-
-
-@fuzzed(16, estimates, st.sampled_from([ReportingBatch, ForeignBatch]))
-def test_states_of_a_batch(reported, kind):
-    envs = kind(2, scenario="random")
+@fuzzed(16, estimates)
+def test_states_of_a_batch(reported):
+    envs = ReportingBatch(2, scenario="random")
     envs.reported = reported
     filtered = wrappers.VectorSafetyFilter(envs)
-    _, info = filtered.reset(seed=0)
+    filtered.reset(seed=0)
     for _ in range(2):
         _, _, _, _, info = filtered.step(np.full((2, 2), 3.0))
     assert np.isfinite(info["safety_filter"]["u_safe"]).all()
@@ -365,20 +324,3 @@ def test_goals_extents_and_states_under_guidance(goal, reported, extent, guidanc
         report = env.step(np.array([3.0, -2.0]))[4]["safety_filter"]
         assert np.isfinite(report["u_safe"]).all()
         assert is_sound(reported) or report["status"] == FilterStatus.BACKUP
-
-
-@fuzzed(
-    24,
-    st.one_of(st.none(), places_or_values),
-    st.lists(st.one_of(st.just((0.1, -0.2, 0.3)), values), min_size=1, max_size=4),
-    st.one_of(st.just(0.0), values),
-    st.sampled_from([None, "geodesic", "local"]),
-)
-def test_messages_in_a_loop(goal, poses, twist, guidance):
-    """A user's loop, whose messages are malformed from the first one on."""
-    loop = hcbf_robots.VelocityFilter("holonomic-cart", [WALL], goal=goal, guidance=guidance)
-    for k, pose in enumerate(poses):
-        reported = (0.0, 0.0, 0.0) if type(twist) is float and twist == 0.0 else twist
-        command, report = loop.step((0.5, 0.1, 0.0), pose, reported, 0.05 * k)
-        assert np.isfinite(command).all()
-        assert np.isfinite(report["u_safe"]).all()

@@ -104,18 +104,6 @@ def test_one_plant_reports_every_field_as_an_array_or_a_scalar_of_numpy(solver):
             assert reported[name].shape == reported["slack"].shape
 
 
-def test_a_batch_reports_the_same_fields_with_a_leading_axis():
-    envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=3), guidance="geodesic")
-    envs.reset(seed=0)
-    *_, info = envs.step(np.tile(U, (3, 1)))
-    reported = info["safety_filter"]
-    one = paper()
-    one.reset(seed=0)
-    *_, of_one = one.step(U)
-    assert {name for name in reported if not name.startswith("_")} == set(of_one["safety_filter"])
-    assert all(len(value) == 3 for value in reported.values())
-
-
 def test_a_report_is_not_changed_by_the_next_step():
     envs = VectorSafetyFilter(gym.make_vec("HCBF-Regions-v0", num_envs=2))
     for env, u in ((paper(), U), (envs, np.tile(U, (2, 1)))):

@@ -1,1 +1,0 @@
-"""What `benchmarks.refute` searches: regions, motion, and a function for each claim."""
