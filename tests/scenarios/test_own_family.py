@@ -14,13 +14,54 @@ from hcbf_gym.evaluation.rollouts import Case, evaluate
 from hcbf_gym.scenarios import DISC, random_scenes
 from hcbf_lab.certification.families import SceneFamily
 
-ID = "HCBF-Regions-v0"
+ID, LIMIT = "HCBF-Regions-v0", 60
 POND = f"{Path(__file__).with_name('tarn.py')}:tarn"
 SEEN = f"{POND}-seen"
 
 
+def assert_same_bits(one, other):
+    """Nested infos with the same keys, types and bytes."""
+    assert set(one) == set(other)
+    for key, value in one.items():
+        if isinstance(value, dict):
+            assert_same_bits(value, other[key])
+        else:
+            assert (value.dtype, value.shape) == (other[key].dtype, other[key].shape), key
+            assert value.tobytes() == other[key].tobytes(), key
+
+
+def one_of(infos, i):
+    return {
+        key: one_of(value, i) if isinstance(value, dict) else value[i]
+        for key, value in infos.items()
+        if not key.startswith("_")
+    }
+
+
 def drive(rng, n):
     return rng.uniform(-4.0, 4.0, (n, 2)).astype(np.float32)
+
+
+@pytest.mark.parametrize("scenario", [POND, SEEN])
+def test_256_environments_are_the_single_ones_bit_for_bit(scenario):
+    n, rng = 256, np.random.default_rng(0)
+    batch = gym.make_vec(ID, num_envs=n, scenario=scenario, max_episode_steps=LIMIT)
+    alone = [gym.make(ID, scenario=scenario, max_episode_steps=LIMIT) for _ in range(n)]
+    observation, infos = batch.reset(seed=5)
+    for i, env in enumerate(alone):
+        expected, info = env.reset(seed=5 + i)
+        assert observation[i].tobytes() == expected.tobytes()
+        assert_same_bits(one_of(infos, i), info)
+    for _ in range(8):
+        u = drive(rng, n)
+        observation, reward, terminated, truncated, infos = batch.step(u)
+        for i, env in enumerate(alone):
+            expected, gained, *ends, info = env.step(u[i])
+            assert observation[i].tobytes() == expected.tobytes()
+            assert reward[i] == gained
+            assert [terminated[i], truncated[i]] == ends
+            assert_same_bits(one_of(infos, i), info)
+    batch.close()
 
 
 def test_a_filter_decides_in_the_batch_as_alone_though_ranks_change_between_episodes():
