@@ -169,7 +169,7 @@ def test_a_verified_speed_leaves_what_a_limit_reserves():
 def test_margins_grow_by_no_more_than_is_reserved():
     found = filtered([SpeedLimit("v", 1, 2.0), Disc("disc", 1, (3.0, 0.0), 0.5)])
     reserve, x = found._core.samples.plants["verified"]["reserve"], np.zeros(4)
-    before, grows = reserve[0].copy(), np.array([[0.5 * T**2, 0.0, T, 0.0], [0.0, 0.5 * T**2, 0.0, T]])
+    before, grows = reserve[0].copy(), np.hstack([0.5 * T**2 * np.eye(2), T * np.eye(2)])
     moves, covariance = np.eye(4) + T * np.eye(4, k=2), 1e-6 * np.eye(4)
     for k in range(20):
         found(np.zeros(2), Estimate(x, k * T, covariance))
@@ -310,7 +310,8 @@ def test_without_a_state_regions_move_for_as_long_as_the_plant():
     for k in range(1, 5):
         found(np.zeros(2), np.full(4, np.nan), 0.005 * k, elapsed=0.005)
         memory = found._core.samples.plants["verified"][0]
-        assert memory["rank"] == 1 and memory["lost"] == pytest.approx(0.005 * k)
+        assert memory["rank"] == 1
+        assert memory["lost"] == pytest.approx(0.005 * k)
 
 
 def test_a_reset_forgets_the_manoeuvre_of_that_plant_alone():
