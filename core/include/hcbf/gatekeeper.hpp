@@ -52,19 +52,14 @@ inline Reserve reserve_of(const Constants& c, const plants::Plant& plant) {
   const double tracking = std::min(s.cap, s.per_velocity * slip + s.per_lead * lead);
   const double most = margins::most(s, {plant.x, plant.time, plant.model, plant.lag, covariance, plant.growth});
   const double spread = s.confidence * std::sqrt(margins::largest(covariance, 0));
-  const auto fast = [&](double growth) {
-    const double known = plant.has_model != 0 ? 0.0 : c.velocity_error;
-    return known + s.confidence * std::sqrt(margins::largest(covariance, 2) + growth);
-  };
-  const double sure = margins::largest(covariance, 2);
-  const auto grown = [&](double from, double to) {
-    return s.confidence * (std::sqrt(sure + to) - std::sqrt(sure + from));
-  };
+  const double variance = margins::largest(covariance, 2);
+  const auto vague = [&](double growth) { return s.confidence * std::sqrt(variance + growth); };
+  const auto fast = [&](double growth) { return (plant.has_model != 0 ? 0.0 : c.velocity_error) + vague(growth); };
+  const double speed = margins::of_speed(s, plant.lag, covariance) + vague(plant.growth) - vague(0.0);
   const double now = c.period * fast(plant.growth), next = c.period * fast(2.0 * plant.growth);
   return {most - s.cap + tracking + now,
           s.cap - tracking + 2.0 * (c.position_error + spread + now) + next + c.period * slip + HAIR,
-          2.0 * fast(plant.growth) + HAIR, margins::of_speed(s, plant.lag, covariance) + grown(0.0, plant.growth),
-          grown(plant.growth, 2.0 * plant.growth)};
+          2.0 * fast(plant.growth) + HAIR, speed, vague(2.0 * plant.growth) - vague(plant.growth)};
 }
 
 inline bool is_speed_limit(const One& p, Index k) { return p.kind[k] == layout::SPEED_LIMIT; }
@@ -141,13 +136,16 @@ struct Some {
 // Whether conditions hold while an input is held from a state on.
 inline bool hold(const Gate& g, const State& state, const Point& u, double span, Phase phase, Some some) {
   const double *x = state.x, at = g.time + state.since;
-  const auto speed = [&](double after) { return std::hypot(x[2] + u.x * after, x[3] + u.y * after); };
+  const auto is_slow = [&](double most, double after) {
+    const double vx = x[2] + u.x * after, vy = x[3] + u.y * after;
+    return most >= 0.0 && vx * vx + vy * vy <= most * most;
+  };
   for (Index k = some.first; k < some.end; ++k) {
     if (!is_due(g, k)) continue;
     g.suspect = k;
     if (is_speed_limit(g.p, k)) {
       const double most = allowed(g, k, phase == GOES_ON);  // between the two a speed is no greater
-      if (!(speed(std::min(span, g.plant.period)) <= most && speed(span) <= most)) return false;
+      if (!(is_slow(most, std::min(span, g.plant.period)) && is_slow(most, span))) return false;
     } else {
       clearance::Path path = seen(g.p, k, x, u, at, span);
       reserve(g, k, state.since, phase, path);
@@ -270,12 +268,12 @@ inline Found find(const Gate& g, const State& state, const Point& proposal, cons
       Point begins;
       if (!passes(g, one, state, GOES_ON, begins)) return false;
       sure = accepts(g, state, begins, manoeuvres::later(one, 1));
-      if (sure || !some) kept = manoeuvres::later(one, 1), u = begins;
+      if (sure || !some) kept = one, u = begins;
       some = true;
       return sure || g.p.plant.verified.sure != 0;  // what was accepted goes on
     });
     if (!some) return NONE;
-    law = kept;
+    law = manoeuvres::later(kept, 1);
   }
   const Point first = u;
   double low = 0.0, high = 1.0;
@@ -401,7 +399,7 @@ inline void go_on(const Constants& c, const Settings& settings, const One& p, co
   Memory& memory = p.plant.verified;
   p.report.verified = 0;
   if (memory.rank == 0) return;
-  memory.lost += c.period;
+  memory.lost += p.plant.elapsed;
   Reserve reserved = memory.reserve;
   reserved.keep += reserved.drift * memory.lost;
   const Gate g = gate_of(c, settings, p, own, reserved, p.plant.accepted_at + memory.lost, nullptr);
