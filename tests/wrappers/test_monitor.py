@@ -42,6 +42,18 @@ def quadrotor():
     return ControlAffine(lambda x: np.array([*x[3:], 0.0, -9.81, 0.0]), g, n=6, n_u=2)
 
 
+def coupled():
+    """Four velocities, which four inputs drive together: no column of g is orthogonal to another."""
+    shares = np.array([[1.0, 0.9, 0.8, 0.7], [0.9, 1.0, 0.4, 0.2], [0.8, 0.4, 1.0, 0.1],
+                       [0.7, 0.2, 0.1, 1.0]])  # fmt: skip
+    return ControlAffine(
+        lambda x: np.concatenate([x[4:], np.zeros(4)]),
+        lambda x: np.vstack([np.zeros((4, 4)), shares]),
+        n=8,
+        n_u=4,
+    )
+
+
 PLANTS = {
     "point": (DoubleIntegrator(), Box.symmetric(5.0)),
     "boat": (DoubleIntegrator(drag=0.5), Box.symmetric(2.0)),
@@ -52,6 +64,7 @@ PLANTS = {
     "unicycle": (Unicycle(), Box([-1.0, -2.0], [1.0, 2.0])),
     "bicycle": (KinematicBicycle(), Box([-3.0, -0.5], [3.0, 0.5])),
     "pendulum": (pendulum(), Box.symmetric(2.0, 1)),
+    "coupled inputs": (coupled(), Box.symmetric(2.0, 4)),
     "quadrotor": (quadrotor(), Box([-20.0, -1.0], [20.0, 1.0])),
 }
 
@@ -73,6 +86,8 @@ def balance(name, x, u):
         return np.clip([thrust, 2.0 * (tilt - x[2]) - 0.4 * x[5]], [-20.0, -1.0], [20.0, 1.0])
     if name == "bicycle":
         return np.array([u[0] - x[3], u[1]])
+    if name == "coupled inputs":
+        return u - x[4:]
     if name in ("point", "three inputs", "one input"):
         return u - x[u.size :]
     return u
