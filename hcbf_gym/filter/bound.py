@@ -14,7 +14,7 @@ from hcbf_gym.arrays import Array, Info, Records, numbers_of, record_type
 from hcbf_gym.barriers.rows import WIDTH
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.filter import solvers
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 
 DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
@@ -54,23 +54,23 @@ class Bound:
         words: (N, …) the numbers that `plants` and `rows` are made of.
     """
 
-    def __init__(self, made: Configured, samples: Samples, batch: int | None, threads: int):
-        self._made, self._samples, self._threads = made, samples, threads
-        self._alone, self._count = batch is None, made.count
-        self._dtype = plant_dtype(made.input_set.n_u)
+    def __init__(self, config: FilterConfig, samples: Samples, batch: int | None, threads: int):
+        self._config, self._samples, self._threads = config, samples, threads
+        self._alone, self._count = batch is None, config.count
+        self._dtype = plant_dtype(config.input_set.n_u)
         self.plants: Records = np.zeros(self._count, dtype=self._dtype)
-        self.plants["alpha1_scale"] = made.alpha1_scale
+        self.plants["alpha1_scale"] = config.alpha1_scale
         self._make_core()
         self.widen(0, 0)
 
     def _make_core(self) -> None:
         """Make the compiled filter, which has no scene yet."""
-        made, samples = self._made, self._samples
-        self.core = _core.Filter(made.words, made.program, samples.words, self._threads)
+        config, samples = self._config, self._samples
+        self.core = _core.Filter(config.words, config.program, samples.words, self._threads)
         if samples.is_apart:
             self.core.set_states(*samples.states)
-        if made.gate is not None:
-            self.core.set_laws(made.gate.input)
+        if config.gate is not None:
+            self.core.set_laws(config.gate.input)
         self._scene: tuple[Any, ...] = (None,) * 7
 
     def __getstate__(self) -> dict[str, object]:
@@ -102,7 +102,7 @@ class Bound:
         before, _ = self.words
         self._divide(np.empty_like(self._numbers))
         self.words[0][...] = before
-        self.plants["alpha1_scale"] = self._made.alpha1_scale  # the user may write to the last
+        self.plants["alpha1_scale"] = self._config.alpha1_scale  # the user may write to the last
 
     def _divide(self, memory: Array) -> None:
         """Let the two records be parts of one memory, which is copied at once."""
@@ -130,9 +130,9 @@ class Bound:
             numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
             self._scene = *numbers, scene.atlas.numbers, scene.ends, own
             self.core.set_scene(*self._scene)
-        if self._made.solver is None:
+        if self._config.solver is None:
             return self.core.filter()
-        return solvers.answer(self._made.solver, self.core, self._count)
+        return solvers.answer(self._config.solver, self.core, self._count)
 
     def report(self) -> Info:
         """Return what was written, by its names."""
@@ -155,10 +155,10 @@ class Bound:
             return None
         sensed = self._samples.plants.copy()
         sensed["known"] = 0  # or the time of the same sample would not advance
-        made = self._made
-        asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
-        if made.gate is not None:
-            asked.set_laws(made.gate.input)
+        config = self._config
+        asked = _core.Filter(config.words.copy(), config.program, numbers_of(sensed), 1)
+        if config.gate is not None:
+            asked.set_laws(config.gate.input)
         asked.set_scene(*self._scene)
         asked.set_report(*(words.copy() for words in self.words))
         return asked

@@ -39,7 +39,7 @@ FAR_OFF = 0.15
 """What rows may ask of a cart that drives along a wall before that is warned of [m]."""
 
 
-class Configured:
+class FilterConfig:
     """What a filter of N plants never changes.
 
     Attributes:

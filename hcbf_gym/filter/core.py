@@ -13,7 +13,7 @@ from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
 from hcbf_gym.filter import bound
 from hcbf_gym.filter.bound import NO_ROWS, Bound
 from hcbf_gym.filter.causes import cause_of, kind_of, warn_of
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.conflict import conflict_of
 from hcbf_gym.filter.covering import Covering
 from hcbf_gym.filter.guide import Guide
@@ -33,7 +33,7 @@ class FilterCore:
     A solver by name takes the place of the compiled program alone.
 
     Attributes:
-        made: settings and what follows from them.
+        config: settings and what follows from them.
         samples: what is known of the plants.
         scenes: the barriers as they are now.
         guide: leads the plants.
@@ -63,15 +63,15 @@ class FilterCore:
     ):
         self.plant, self.input_set = plant, input_set
         self._alone, self.count = batch is None, 1 if batch is None else batch
-        self.made = made = Configured(plant, input_set, settings, self.count)
-        self.samples = Samples(plant, input_set.n_u, self.count, apart=not made.is_planar)
+        self.config = config = FilterConfig(plant, input_set, settings, self.count)
+        self.samples = Samples(plant, input_set.n_u, self.count, apart=not config.is_planar)
         self.covering = Covering(plant, self.count)
-        self._bound = Bound(made, self.samples, batch, threads)
-        kind = PlanarRows if made.is_planar else ModelRows
-        self._rows = kind(made, self.samples, self._bound)
-        self.guide = Guide(made, self.samples)
+        self._bound = Bound(config, self.samples, batch, threads)
+        kind = PlanarRows if config.is_planar else ModelRows
+        self._rows = kind(config, self.samples, self._bound)
+        self.guide = Guide(config, self.samples)
         self.guides = self.guide.guides
-        self.scenes = Scenes(made, self.samples, self._rows, self.covering)
+        self.scenes = Scenes(config, self.samples, self._rows, self.covering)
         self._warned: set[object] = {int(Reason.NONE)}  # the reasons that were warned of
         self._m = -1  # there was no scene yet
         if not callable(plant.barriers):
@@ -110,7 +110,7 @@ class FilterCore:
 
     def leave_monitor(self) -> None:
         """Compare nothing: the caller propagates the states and compares its own measurements."""
-        self.made.constants["observed"] = False
+        self.config.constants["observed"] = False
 
     def cover(self, covered: object) -> None:
         """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
@@ -141,7 +141,7 @@ class FilterCore:
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
             raise refusal  # where no input reaches them, or their code fails, they brake
         fresh = self.samples.fresh
-        if self.made.is_planar:
+        if self.config.is_planar:
             scenes = self.scenes.now
             self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
             self.guide.begin(scenes, (goal, extent), fresh, is_first)
@@ -193,7 +193,7 @@ class FilterCore:
         if self.guides:
             self.guide.lead(scene, report.u_nominal, world)
         own = NO_ROWS
-        if scene.own or not self.made.is_planar:
+        if scene.own or not self.config.is_planar:
             own = self._rows.make(scene, u_nominal)
         answer = report.filter(scene, own)
         if answer in (bound.NOT_FINITE, bound.MISSHAPED):
@@ -236,7 +236,7 @@ class FilterCore:
         found, rows = self._bound.plants, self._bound.rows
         if self.plant.brake is not None:
             for i in np.flatnonzero(found["status"] == FilterStatus.BACKUP):
-                u = self._users_brake(int(i)).astype(self.made.dtype)
+                u = self._users_brake(int(i)).astype(self.config.dtype)
                 found["u_safe"][i] = self.samples.input[i] = u
                 found["intervention"][i] = np.linalg.norm(u - found["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
@@ -247,7 +247,7 @@ class FilterCore:
             kind = kind_of(reason, cause)
             if kind not in self._warned:
                 self._warned.add(kind)
-                warn_of(reason, reasons.count(reason), cause, self.made.brakes_on_alarm)
+                warn_of(reason, reasons.count(reason), cause, self.config.brakes_on_alarm)
 
     def _users_brake(self, i: int) -> Array:
         """Return the input of U nearest the user's own; nearest 0 where that reads a state."""

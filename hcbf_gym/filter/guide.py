@@ -10,7 +10,7 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, warn_caller
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 from hcbf_gym.guidance.geodesic import Geodesic
 from hcbf_gym.guidance.local import Local
@@ -33,19 +33,19 @@ class Guide:
         InvalidInputError: on an unknown option, or a model that is not guided.
     """
 
-    def __init__(self, made: Configured, samples: Samples):
-        self._made, self._samples = made, samples
-        choice, axle = made.settings.guidance, made.plant.axle
+    def __init__(self, config: FilterConfig, samples: Samples):
+        self._config, self._samples = config, samples
+        choice, axle = config.settings.guidance, config.plant.axle
         self.guides, self.follows = choice is not None, True
         self._ahead = 0.0 if axle is None else axle.look_ahead
         self._world: World = None, None
-        self._lost = np.zeros(made.count, dtype=np.bool_)
+        self._lost = np.zeros(config.count, dtype=np.bool_)
         self._guidance: Geodesic | Local | None = None
         self._through = 0
         if choice is not None:
-            if not made.is_planar:
+            if not config.is_planar:
                 raise InvalidInputError(
-                    f"guidance: got {choice!r} with {type(made.plant.model).__name__}, expected "
+                    f"guidance: got {choice!r} with {type(config.plant.model).__name__}, expected "
                     "None: only the planar double integrator is guided"
                 )
             options: dict[str, Any] = (
@@ -54,12 +54,12 @@ class Guide:
             check_options("guidance", options, ("kind", "through"))
             self._through = int(options.get("through", 0))
             kinds: dict[str, Callable[[], Geodesic | Local]] = {
-                "geodesic": lambda: Geodesic(made.count, through=self._through, cell=made.cell),
-                "local": lambda: Local(made.count),
+                "geodesic": lambda: Geodesic(config.count, through=self._through, cell=config.cell),
+                "local": lambda: Local(config.count),
             }
             self._guidance = choose("guidance", options.get("kind", "geodesic"), kinds)()
-        made.constants["has_way"], made.constants["through"] = self.guides, self._through
-        self.has_row = self.guides and bool(made.constants["guided"][0])
+        config.constants["has_way"], config.constants["through"] = self.guides, self._through
+        self.has_row = self.guides and bool(config.constants["guided"][0])
 
     def begin(self, scenes: BarrierSet, world: World, mask: Mask, is_first: bool) -> None:
         """Look at the scenes that begin.
@@ -78,7 +78,7 @@ class Guide:
                 goal, extent = self._world = deepcopy(samples.origin.world(world)) or (None, None)
                 place = samples.x[:, :2]
                 start, time = (np.where(np.isfinite(a), a, 0.0) for a in (place, samples.time))
-                clearance = self._made.clearance
+                clearance = self._config.clearance
                 guide.begin(scenes, goal, extent, clearance, start=start, mask=mask, t=time)
         except InvalidInputError as error:
             if is_first:

@@ -20,7 +20,7 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Entry, Known, largest, slopes
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.bound import Bound
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 from hcbf_gym.filter.settings import check_hold
 from hcbf_gym.models.compiled import compiled
@@ -35,11 +35,11 @@ class ModelRows:
         InvalidInputError: if something is to be reserved that has no meaning for the model.
     """
 
-    def __init__(self, made: Configured, samples: Samples, bound: Bound):
-        self._made, self._samples, self._bound = made, samples, bound
-        model = made.plant.model
+    def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
+        self._config, self._samples, self._bound = config, samples, bound
+        model = config.plant.model
         self._rows_of = GeneralRows(
-            model, made.alpha1, made.alpha2, made.input_set.support, made.alpha_speed
+            model, config.alpha1, config.alpha2, config.input_set.support, config.alpha_speed
         )
         self._rows_of.kinks = self._kinks = Kinks()
         self._check_uncertainty()
@@ -59,14 +59,14 @@ class ModelRows:
 
     def _make_step(self) -> _core.ModelStep:
         """Return the compiled step of the plants, up to their rows."""
-        made, plant, u_set = self._made, self._made.plant, self._made.input_set
+        config, plant, u_set = self._config, self._config.plant, self._config.input_set
         nothing, model = np.zeros(0), plant.model
         limits = nothing, nothing, u_set.vertices().ravel()
         if isinstance(u_set, Box):
             limits = u_set.low, u_set.high, nothing
         return _core.ModelStep(
             compiled(model),
-            np.array(made.reserve.settings),
+            np.array(config.reserve.settings),
             self._rows_of.alphas,
             limits,
             largest(u_set),
@@ -75,14 +75,14 @@ class ModelRows:
             plant.uncertainty.confidence,
             plant.period or 0.0,
             -1 if model.velocity_at is None else model.velocity_at,
-            made.count,
+            config.count,
         )
 
     def check(self, barriers: object, given: BarrierSet) -> None:
         """Refuse barriers that have no rows of the model."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
-                f"plant: got the scenes of an environment with {self._made.plant.model}, expected "
+                f"plant: got the scenes of an environment with {self._config.plant.model}, expected "
                 "a sequence of barriers: they have rows of the planar double integrator alone"
             )
         for scene in given.listed:
@@ -101,12 +101,14 @@ class ModelRows:
     def moves(self, scene: BarrierSet) -> bool:
         """Return whether a scene depends on time."""
         seen = {id(one): one for listed in scene.listed for one in listed}
-        n = self._made.plant.model.n
+        n = self._config.plant.model.n
         return any(reads_time(one, n) for one in seen.values() if isinstance(one, Barrier))
 
     def widen(self, m: int) -> None:
         """Make room for m rows."""
-        self._rows = PackedRows(np.zeros((self._made.count, m, WIDTH + self._made.input_set.n_u)))
+        self._rows = PackedRows(
+            np.zeros((self._config.count, m, WIDTH + self._config.input_set.n_u))
+        )
         self._is_bound = False
 
     def remembered(self) -> Any:
@@ -124,18 +126,18 @@ class ModelRows:
         self._prepared = None
         first: Any = scene.listed[0]
         same = all(listed is first for listed in scene.listed)
-        scenes: Any = [first] * self._made.count if same else scene.listed
+        scenes: Any = [first] * self._config.count if same else scene.listed
         if not self._warned_of_concave:
             self._warned_of_concave = True
             own = [one for one in first if isinstance(one, Function)]
-            warn_of_concave(own, self._made.plant.model)
+            warn_of_concave(own, self._config.plant.model)
         prepared = self._rows_of.prepare(scenes)
         shape = scene.is_region  # as of time 0
         prepared.scenes.parameters[shape] = scene.parameters[shape]
         reaches = [reach for one in prepared.reaches for reach in one]
-        period = self._made.plant.period
+        period = self._config.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
-            check_hold(period, alpha1=self._made.alpha1)
+            check_hold(period, alpha1=self._config.alpha1)
         self._prepared, self._is_bound = prepared, False
         distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
         return [one for entries in distinct for one in entries], reaches
@@ -161,13 +163,13 @@ class ModelRows:
     def _bind(self, prepared: Prepared) -> None:
         """Let the compiled step read the scene and write into the rows."""
         self._rows.reads_position[...] = prepared.scenes.keeps_margin
-        margins = prepared.margins(self._made.reserve.fixed)
+        margins = prepared.margins(self._config.reserve.fixed)
         self._step.bind(*prepared.built_in, margins, self._rows.numbers)
         self._is_bound = True
 
     def _write(self, prepared: Prepared, entries: list[Entry]) -> None:
         """Write the rows of scenes of which Python evaluates some entries."""
-        states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
+        states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
         known = Known(states.x, time, states.model, states.lag, states.covariance)
         uncertain = entries if self._samples.has_parts or reserve.is_steep else []
         confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
@@ -178,7 +180,7 @@ class ModelRows:
 
     def _check_uncertainty(self) -> None:
         """Refuse what has no meaning for the model."""
-        model, declared = self._made.plant.model, self._made.plant.uncertainty
+        model, declared = self._config.plant.model, self._config.plant.uncertainty
         without = [name for name in ("speed", "speed_per_velocity") if model.velocity_at != 2]
         why = dict.fromkeys(without, "it has no velocity in x[2:4] that a speed limit reads")
         if declared.per_velocity > 0.0 and not drifts(model):

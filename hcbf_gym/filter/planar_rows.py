@@ -17,15 +17,15 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Entry, Known
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filter.bound import Bound
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 
 
 class PlanarRows:
     """Makes the rows of users' own barriers, which the compiled filter reads."""
 
-    def __init__(self, made: Configured, samples: Samples, bound: Bound):
-        self._made, self._samples, self._bound = made, samples, bound
+    def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
+        self._config, self._samples, self._bound = config, samples, bound
         self._kinks = Kinks()
         self.widen(0)
         self._accepted: tuple[Barrier, ...] = ()
@@ -39,7 +39,7 @@ class PlanarRows:
 
     def widen(self, m: int) -> None:
         """Make room for m rows."""
-        self._own: Array = np.zeros((self._made.count, m, WIDTH + 2))
+        self._own: Array = np.zeros((self._config.count, m, WIDTH + 2))
         self._own[..., PLACED] = 1.0
 
     def remembered(self) -> Any:
@@ -56,8 +56,8 @@ class PlanarRows:
         if are_same(own, self._accepted):
             return (), ()
         self._accepted = ()
-        reaches = [usual(self._made.row_settings).reach(barrier) for barrier in own]
-        warn_of_concave(own, self._made.plant.model)
+        reaches = [usual(self._config.row_settings).reach(barrier) for barrier in own]
+        warn_of_concave(own, self._config.plant.model)
         self._accepted = own
         return own, reaches
 
@@ -89,10 +89,10 @@ class PlanarRows:
 
     def _make(self, scene: BarrierSet) -> None:
         """Check the states, and make the rows."""
-        made, plants, out = self._made, self._samples.plants, self._own
+        config, plants, out = self._config, self._samples.plants, self._own
         self._bound.core.check_states()
-        reach = 0.0 if made.plant.axle is None else made.plant.axle.look_ahead
-        reserve = made.reserve
+        reach = 0.0 if config.plant.axle is None else config.plant.axle.look_ahead
+        reserve = config.reserve
         known = Known(*(plants[name].copy() for name in Known._fields))
         entries = [Entry(i, k, barrier) for (i, k), barrier in scene.own.items()]
         least = scene.own_margin + reserve.fixed
@@ -109,7 +109,7 @@ class PlanarRows:
             try:
                 with np.errstate(all="ignore"):
                     write_own_row(
-                        barrier, x[i], float(time[i]), made.row_settings, of_row, out[i, k],
+                        barrier, x[i], float(time[i]), config.row_settings, of_row, out[i, k],
                         self._kinks.from_plant(i),
                     )  # fmt: skip
             except UNREADABLE:

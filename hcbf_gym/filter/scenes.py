@@ -24,7 +24,7 @@ from hcbf_gym.errors import (
     warn_caller,
 )
 from hcbf_gym.filter import gatekeeper
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.covering import Covering
 from hcbf_gym.filter.model_rows import ModelRows
 from hcbf_gym.filter.nearness import Nearness
@@ -56,11 +56,15 @@ class Scenes:
     """
 
     def __init__(
-        self, made: Configured, samples: Samples, rows: PlanarRows | ModelRows, covering: Covering
+        self,
+        config: FilterConfig,
+        samples: Samples,
+        rows: PlanarRows | ModelRows,
+        covering: Covering,
     ):
-        self._made, self._samples, self._rows, self._covering = made, samples, rows, covering
-        self.plant = made.plant
-        count = made.count
+        self._config, self._samples, self._rows, self._covering = config, samples, rows, covering
+        self.plant = config.plant
+        count = config.count
         self.now = self._given = BarrierSet([()] * count)
         self._version, self._edits = self.now.version.copy(), -1
         self.placing, self._nearness = Placing(count), Nearness(count)
@@ -93,7 +97,7 @@ class Scenes:
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self.unread = error
             self.is_refused, self.refusal = True, None
-            self._version, self._edits = np.full(self._made.count, -1), -1
+            self._version, self._edits = np.full(self._config.count, -1), -1
         else:
             is_same = given is self._given and given.edits == self._edits
             if not is_same or self.placing.is_due:
@@ -120,11 +124,11 @@ class Scenes:
 
         Warns once of each thing that α₁, U and the speed limit cannot satisfy.
         """
-        made, plant = self._made, self._made.plant
+        config, plant = self._config, self._config.plant
         margin, fastest = plant.uncertainty.speed, plant.fastest or np.inf
         self.check_limits(scenes)
         covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        for one in braking.shortcomings(scenes, made.alpha1, made.input_set, margin, fastest):
+        for one in braking.shortcomings(scenes, config.alpha1, config.input_set, margin, fastest):
             if not one.promised:
                 covered[one.scenes] = Coverage.OUTSIDE
             self._warn_once(one.what, one.text, CoverageWarning)
@@ -132,9 +136,9 @@ class Scenes:
 
     def check_limits(self, scenes: BarrierSet) -> None:
         """Refuse speed limits that no input can satisfy."""
-        plant = self._made.plant
+        plant = self._config.plant
         turn = 0.0 if plant.axle is None else plant.axle.turn
-        check_limits(scenes, (plant.period, self._made.gain), plant.uncertainty.speed, turn)
+        check_limits(scenes, (plant.period, self._config.gain), plant.uncertainty.speed, turn)
 
     def _warn_once(self, what: str, text: str, category: type[Warning] = UserWarning) -> None:
         if what not in self._warned:
@@ -184,10 +188,10 @@ class Scenes:
         self.is_refused, self.refusal = False, None
         try:
             with np.errstate(all="ignore"):
-                period = self._made.plant.period
+                period = self._config.plant.period
                 self._needs_time = period is None and self._rows.moves(scene)
                 self.check_limits(scene)
-                if self._made.gate is not None:
+                if self._config.gate is not None:
                     gatekeeper.check_scene(scene)
                 self._check_inputs(*self._rows.accept(scene))
         except UNREADABLE as error:
@@ -196,7 +200,7 @@ class Scenes:
     def _differs(self, given: BarrierSet) -> Mask:
         """Return (N,) whose barriers are other objects than those of the present scenes."""
         if self.is_refused:
-            return np.ones(self._made.count, dtype=np.bool_)
+            return np.ones(self._config.count, dtype=np.bool_)
         return np.array([
             not are_same(*pair) for pair in zip(given.listed, self._given.listed, strict=True)
         ])  # fmt: skip
@@ -215,7 +219,7 @@ class Scenes:
     def _age_scans(self) -> str:
         """Reserve what may have come since scans were taken; return what is wrong with a stamp."""
         first, self._first, wrong = self._first, {}, ""
-        hold = self._made.plant.period or 0.0
+        hold = self._config.plant.period or 0.0
         for i, k, scan in self._scans:
             now = float(self._samples.time[i]) + self.began
             if not math.isfinite(now):
@@ -230,14 +234,14 @@ class Scenes:
 
     def _note_moves(self) -> None:
         """Note at which plants a region moves undeclared."""
-        samples, reserved = self._samples, self._made.uncertainty
+        samples, reserved = self._samples, self._config.uncertainty
         plants, covariance = samples.plants, samples.states.covariance
         plants["moves"], self.is_due = 0, False
         if not self._nearness.is_some:
             return
         variance = covariance[:, 0, 0] + covariance[:, 1, 1] if samples.has_parts else 0.0
         error = reserved.distance + reserved.confidence * np.sqrt(variance)
-        moving = self._nearness.moves(plants["elapsed"], np.broadcast_to(error, self._made.count))
+        moving = self._nearness.moves(plants["elapsed"], np.broadcast_to(error, self._config.count))
         plants["moves"] = moving.any(axis=1)
         if moving.any():
             self.is_due = True
@@ -246,14 +250,14 @@ class Scenes:
 
     @cached_property
     def _late_inputs(self) -> LateInputs:
-        return LateInputs(self._made.plant.model)
+        return LateInputs(self._config.plant.model)
 
     def _check_inputs(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> None:
         """Refuse barriers whose rows miss an input that moves them later; warn of it once."""
         late = "; ".join(self._late_inputs.find(barriers, reaches)) if barriers else ""
         if not late:
             return
-        allowed = self._made.settings.allow_late_inputs
+        allowed = self._config.settings.allow_late_inputs
         late = f"{late}: allowed" if allowed else f"{late}; {REMEDY}"
         if allowed or not self._samples.fresh.all():
             self._warn_once("late", late)

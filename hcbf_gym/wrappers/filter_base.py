@@ -66,7 +66,7 @@ class FilterBase:
         self._core = FilterCore(plant, input_set, settings, batch, threads)
         self._dtype = None if plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
-            self._core.made.applied_as(self._dtype)
+            self._core.config.applied_as(self._dtype)
         differences = certified.differences_of(given, self._inner)
         self._limits = certified.judge_filter(settings, plant, differences, one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)

@@ -298,7 +298,7 @@ class VelocityFilter:
     def horizon(self) -> float:
         """How far from its centre a robot must see a region, at the speed `fastest` [m]."""
         kept, fastest = self._reserved, self.fastest + self._hardest * self._period
-        away = self._core.made.alpha1.inverse(fastest) + fastest * self._period
+        away = self._core.config.alpha1.inverse(fastest) + fastest * self._period
         return away + kept.distance + kept.cap + kept.body
 
     def _warn_of_sight(self, barriers: object) -> None:
@@ -451,7 +451,7 @@ class VelocityFilter:
         velocity = follower.now(body[2:], place[2], present) if sound else follower.velocity
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
-        covariance = odometry.covariance(self._core.made.uncertainty.confidence)
+        covariance = odometry.covariance(self._core.config.uncertainty.confidence)
         time, fault = self._clock.since(present), odometry.fault or None
         estimate = Estimate(x, time, covariance, x, lag, place[2], age=age, fault=fault)
         return estimate, float(place[2]), float(motion[2]), sound and not stale
