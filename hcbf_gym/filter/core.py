@@ -146,11 +146,11 @@ class FilterCore:
             self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
             self.guide.begin(scenes, (goal, extent), fresh, is_first)
         fresh[:] = False
-        remembered, counted = self._rows.remembered(), self.samples.steps.copy()
+        snapshot, counted = self._rows.snapshot(), self.samples.steps.copy()
         n_u = self.input_set.n_u
         nothing = np.zeros(n_u if self._alone else (self.count, n_u))
         u, report = self.step(nothing, barriers, estimate, since)
-        self._rows.restore(remembered)
+        self._rows.restore(snapshot)
         self.scenes.is_due = True
         self.samples.steps[:] = counted
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
@@ -188,7 +188,7 @@ class FilterCore:
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
             report.widen(self._m, self._m + self.guide.has_row)
-            self._rows.widen(self._m)
+            self._rows.resize(self._m)
         report.u_nominal[...] = u_nominal
         if self.guides:
             self.guide.lead(scene, report.u_nominal, world)

@@ -1,6 +1,5 @@
 """Rows of N plants of any model: usual rows from jets, with alarms and braking inputs."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,14 @@ from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Prepared
-from hcbf_gym.barriers.relative_degree import Reach, samples
+from hcbf_gym.barriers.relative_degree import ReachedBarriers, samples
 from hcbf_gym.barriers.rows import WIDTH, PackedRows, States
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.unknown import Entry, Known, largest, slopes
+from hcbf_gym.barriers.unknown import Entry, UncertainStates, largest_inputs, slopes_of
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import FilterConfig
-from hcbf_gym.filter.samples import Samples
+from hcbf_gym.filter.samples import Samples, Snapshot
 from hcbf_gym.filter.settings import check_hold
 from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.input_sets import Box
@@ -46,7 +45,7 @@ class ModelRows:
         self._prepared: Prepared | None = None
         self._warned_of_concave = False
         self._step = self._make_step()
-        self.widen(0)
+        self.resize(0)
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; its step is compiled anew."""
@@ -69,7 +68,7 @@ class ModelRows:
             np.array(config.reserve.settings),
             self._rows_of.alphas,
             limits,
-            largest(u_set),
+            largest_inputs(u_set),
             ~driven_alone(model),
             u_set.radius,
             plant.uncertainty.confidence,
@@ -82,8 +81,9 @@ class ModelRows:
         """Refuse barriers that have no rows of the model."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
-                f"plant: got the scenes of an environment with {self._config.plant.model}, expected "
-                "a sequence of barriers: they have rows of the planar double integrator alone"
+                f"plant: got the scenes of an environment with {self._config.plant.model}, "
+                "expected a sequence of barriers: they have rows of the planar double integrator "
+                "alone"
             )
         for scene in given.listed:
             if not all(isinstance(one, Barrier) for one in scene):
@@ -104,24 +104,23 @@ class ModelRows:
         n = self._config.plant.model.n
         return any(reads_time(one, n) for one in seen.values() if isinstance(one, Barrier))
 
-    def widen(self, m: int) -> None:
+    def resize(self, m: int) -> None:
         """Make room for m rows."""
         self._rows = PackedRows(
             np.zeros((self._config.count, m, WIDTH + self._config.input_set.n_u))
         )
         self._is_bound = False
 
-    def remembered(self) -> Any:
-        """Return what is known of the plants, for `restore`."""
-        return self._samples.remembered(), self._step.memory()
+    def snapshot(self) -> Snapshot:
+        """Return a copy of the plants' records and of the step's memory, for `restore`."""
+        return self._samples.snapshot()._replace(step=self._step.memory())
 
-    def restore(self, remembered: Any) -> None:
-        """Know what was known before."""
-        known, memory = remembered
-        self._samples.restore(known)
-        self._step.restore(memory)
+    def restore(self, snapshot: Snapshot) -> None:
+        """Set records and memory back to a snapshot."""
+        self._samples.restore(snapshot)
+        self._step.restore(snapshot.step)
 
-    def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
+    def accept(self, scene: BarrierSet) -> ReachedBarriers:
         """Look at a changed scene, and return its barriers and how inputs reach them."""
         self._prepared = None
         first: Any = scene.listed[0]
@@ -140,9 +139,9 @@ class ModelRows:
             check_hold(period, alpha1=self._config.alpha1)
         self._prepared, self._is_bound = prepared, False
         distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
-        return [one for entries in distinct for one in entries], reaches
+        return ReachedBarriers([one for entries in distinct for one in entries], reaches)
 
-    def look_back(self, scene: BarrierSet) -> bool:
+    def evaluate_previous(self, scene: BarrierSet) -> bool:
         """Return False: what conditions lacked of the scene until now is unknown."""
         return False
 
@@ -170,11 +169,11 @@ class ModelRows:
     def _write(self, prepared: Prepared, entries: list[Entry]) -> None:
         """Write the rows of scenes of which Python evaluates some entries."""
         states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
-        known = Known(states.x, time, states.model, states.lag, states.covariance)
+        known = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
         uncertain = entries if self._samples.has_parts or reserve.is_steep else []
         confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
-            self._step.reserve(*slopes(uncertain, known, confidence, m))
+            self._step.reserve(*slopes_of(uncertain, known, confidence, m))
             at = States(states.x, time, *self._step.terms())
             self._rows_of.write(prepared, at, self._rows)
 

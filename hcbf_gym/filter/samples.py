@@ -5,7 +5,7 @@ core (`state_check.hpp`) *accepts* a state where there is none.
 """
 
 from types import EllipsisType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,14 @@ class State(NamedTuple):
     lag: Array  # (N, n) the body's minus the model's
     covariance: Array  # (N, n, n) of x
     accepted: Array  # (N, n) the last x that was accepted
+
+
+class Snapshot(NamedTuple):
+    """Copies of what a filter remembers of N plants."""
+
+    plants: Records  # (N,)
+    states: list[Array]  # the arrays of a `State` beside the records; none of planar plants
+    step: Any = None  # of a `ModelRows`: what its compiled step remembers
 
 
 class Samples:
@@ -101,16 +109,15 @@ class Samples:
         for array in self._own or ():
             array[mask] = 0.0
 
-    def remembered(self) -> tuple[Records, list[Array]]:
-        """Return copies of all that is known."""
-        return self.plants.copy(), [array.copy() for array in self._own or ()]
+    def snapshot(self) -> Snapshot:
+        """Return copies of the records and the states, for `restore`."""
+        return Snapshot(self.plants.copy(), [array.copy() for array in self._own or ()])
 
-    def restore(self, remembered: tuple[Records, list[Array]]) -> None:
-        """Know what `remembered` returned."""
-        plants, own = remembered
-        self.plants[:] = plants
-        for place, array in zip(self._own or (), own, strict=True):
-            place[:] = array
+    def restore(self, snapshot: Snapshot) -> None:
+        """Set the records and the states back to a snapshot."""
+        self.plants[:] = snapshot.plants
+        for array, before in zip(self._own or (), snapshot.states, strict=True):
+            array[:] = before
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a copy needs; it names the parts of its records."""

@@ -172,7 +172,7 @@ class Scenes:
         self._age_scans()
         kept = scene is not before and not (in_place and given.atlas) and not samples.is_rebased
         stays = not self.is_refused and before.edits == self._edits
-        compared = kept and stays and self._rows.look_back(before)
+        compared = kept and stays and self._rows.evaluate_previous(before)
         change = samples.plants["change"]
         change[changed] = np.maximum(change[changed], COMPARED if compared else CHANGED)
         if changed.any():
