@@ -87,15 +87,11 @@ def write_own_row(
         out: (WIDTH + 2,) the row, whose margin columns are left as they are; see `rows.MARGIN`.
         kinks: evaluates derivatives at a kink; None for one that warns anew.
     """
-    out[DIP] = 0.0
+    out[DIP], packed, held = 0.0, settings.packed, settings.held
     is_planar = isinstance(barrier, PlanarBarrier)
-    if (
-        settings.held
-        and is_planar
-        and _write_held_row(barrier, x, t, settings.packed, reserved, out)
-    ):
+    if held and is_planar and _write_held_row(barrier, x, t, packed, reserved, out):
         return
-    dip = _core.row_half_step(settings.packed) if settings.held and barrier.reads_position else 0.0
+    dip = _core.row_half_step(packed) if held and barrier.reads_position else 0.0
     row = instant_rows(settings)([barrier], x, t, [reserved.margin + dip], reserved.rate, kinks)
     assert row.alpha2_psi is not None
     h, alpha2_psi = float(row.h[0]), float(row.alpha2_psi[0])

@@ -15,7 +15,7 @@ from hcbf_gym.filter.bound import NO_ROWS, Bound
 from hcbf_gym.filter.causes import cause_of, kind_of, warn_of
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.conflict import conflict_of
-from hcbf_gym.filter.covering import Covering
+from hcbf_gym.filter.covering import EpisodeCoverage
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.model_rows import ModelRows
 from hcbf_gym.filter.planar_rows import PlanarRows
@@ -38,7 +38,7 @@ class FilterCore:
         scenes: the barriers as they are now.
         guide: leads the plants.
         guides: whether it does, so that they need a goal.
-        covering: whether the promise was tested.
+        coverage: whether the promise was tested for each plant.
 
     Args:
         plant: of the environment.
@@ -65,13 +65,13 @@ class FilterCore:
         self._alone, self.count = batch is None, 1 if batch is None else batch
         self.config = config = FilterConfig(plant, input_set, settings, self.count)
         self.samples = Samples(plant, input_set.n_u, self.count, apart=not config.is_planar)
-        self.covering = Covering(plant, self.count)
+        self.coverage = EpisodeCoverage(plant, self.count)
         self._bound = Bound(config, self.samples, batch, threads)
         kind = PlanarRows if config.is_planar else ModelRows
         self._rows = kind(config, self.samples, self._bound)
         self.guide = Guide(config, self.samples)
         self.guides = self.guide.guides
-        self.scenes = Scenes(config, self.samples, self._rows, self.covering)
+        self.scenes = Scenes(config, self.samples, self._rows, self.coverage)
         self._warned: set[object] = {int(Reason.NONE)}  # the reasons that were warned of
         self._m = -1  # there was no scene yet
         if not callable(plant.barriers):
@@ -113,8 +113,8 @@ class FilterCore:
         self.config.constants["observed"] = False
 
     def cover(self, covered: object) -> None:
-        """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
-        self.covering.begin(covered, self.samples.fresh)
+        """Set the coverage of the episodes that begin; see `EpisodeCoverage.begin`."""
+        self.coverage.begin(covered, self.samples.fresh)
 
     def begin(
         self,
@@ -143,7 +143,7 @@ class FilterCore:
         fresh = self.samples.fresh
         if self.config.is_planar:
             scenes = self.scenes.now
-            self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
+            self.coverage.check_scenes(self.scenes.check(scenes.of(fresh)), fresh)
             self.guide.begin(scenes, (goal, extent), fresh, is_first)
         fresh[:] = False
         snapshot, counted = self._rows.snapshot(), self.samples.steps.copy()
@@ -183,8 +183,8 @@ class FilterCore:
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since)
         scene = self.scenes.now
-        if self.covering.is_new or not self._alone:
-            self.covering.write(report.plants)
+        if self.coverage.is_new or not self._alone:
+            self.coverage.write(report.plants)
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
             report.widen(self._m, self._m + self.guide.has_row)

@@ -25,7 +25,7 @@ from hcbf_gym.errors import (
 )
 from hcbf_gym.filter import gatekeeper
 from hcbf_gym.filter.configured import FilterConfig
-from hcbf_gym.filter.covering import Covering
+from hcbf_gym.filter.covering import EpisodeCoverage
 from hcbf_gym.filter.model_rows import ModelRows
 from hcbf_gym.filter.nearness import Nearness
 from hcbf_gym.filter.planar_rows import PlanarRows
@@ -40,7 +40,7 @@ from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Reason
 class Scenes:
     """The barriers of N plants, and whether plants can be filtered with them.
 
-    Where barriers are refused, samples get a reason to brake; `covering` ends where one changes.
+    Where barriers are refused, samples get a reason to brake; `coverage` ends where one changes.
 
     Attributes:
         plant: what each plant is.
@@ -60,9 +60,9 @@ class Scenes:
         config: FilterConfig,
         samples: Samples,
         rows: PlanarRows | ModelRows,
-        covering: Covering,
+        coverage: EpisodeCoverage,
     ):
-        self._config, self._samples, self._rows, self._covering = config, samples, rows, covering
+        self._config, self._samples, self._rows, self._coverage = config, samples, rows, coverage
         self.plant = config.plant
         count = config.count
         self.now = self._given = BarrierSet([()] * count)
@@ -184,7 +184,7 @@ class Scenes:
         self._scans = [
             (i, k, one) for (i, k), one in held if isinstance(one, SeenRegion) and one.speed > 0.0
         ]
-        self._covering.change(changed & ~samples.fresh)
+        self._coverage.end_where_changed(changed & ~samples.fresh)
         self.is_refused, self.refusal = False, None
         try:
             with np.errstate(all="ignore"):

@@ -149,7 +149,7 @@ class FilterBase:
         barriers, state, *world = self._read(*self._reads)
         estimate = state if isinstance(state, Estimate) else Estimate(state)
         if self._covers_anew:
-            core.covering.follow(self._covered())
+            core.coverage.update(self._covered())
         u, report = core.step(u_nominal, barriers, estimate, world=world or None)
         applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u.copy())
         observation, reward, terminated, truncated, info = self.env.step(applied)
