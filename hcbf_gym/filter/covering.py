@@ -79,10 +79,10 @@ class EpisodeCoverage:
 
     def _judged(self, covered: object) -> Judged:
         """Return coverage and reason as (N,) arrays; refuse what is no `Coverage`."""
-        judged = covered if isinstance(covered, Judged) else None
+        judged, shape = covered if isinstance(covered, Judged) else None, self._coverage.shape
         coverage = as_array("covered", covered if judged is None else judged.covered)
         is_valid = coverage.dtype.kind in "iu" and np.isin(coverage, list(Coverage)).all()
-        if not is_valid or coverage.shape not in ((), self._coverage.shape):
+        if not is_valid or coverage.shape not in ((), shape):
             raise InvalidInputError(f"covered: got {covered!r}, expected one of {list(Coverage)}")
         reason = DEFAULT_REASONS[coverage] if judged is None else judged.covered_by
         unreleased = of_another_version()
@@ -90,5 +90,4 @@ class EpisodeCoverage:
             warn_of_version(unreleased)
             reason = np.where(coverage != Coverage.OUTSIDE, CoveredBy.VERSION, reason)
             coverage = np.zeros_like(coverage)
-        both = (np.broadcast_to(entry, self._coverage.shape) for entry in (coverage, reason))
-        return Judged(*both)
+        return Judged(np.broadcast_to(coverage, shape), np.broadcast_to(reason, shape))
