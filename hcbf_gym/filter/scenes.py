@@ -105,11 +105,11 @@ class Scenes:
         if self._scans or self._first:
             wrong = self._age_scans()
             if wrong:
-                samples.doubt(Reason.AGE, wrong)
+                samples.reject(Reason.AGE, wrong)
         if self.is_refused:
-            samples.doubt(Reason.BARRIERS)
+            samples.reject(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
-            samples.doubt(Reason.CLOCK)
+            samples.reject(Reason.CLOCK)
         if self.is_due or self._nearness.is_some:
             self._note_moves()
 
