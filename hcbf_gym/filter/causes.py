@@ -72,13 +72,13 @@ def cause_of(
         return _of_clock(estimate, float(samples.plants["accepted_at"][i]), i, count)
     if reason == Reason.BARRIERS:
         if scenes.is_refused:
-            return str(scenes.unread)
+            return str(scenes.error)
         x, time = samples.x[i].copy(), float(samples.time[i])
-        return _of_barriers(scenes.now, plant.model, x, time, i)
+        return _of_barriers(scenes.current, plant.model, x, time, i)
     if reason == Reason.GOAL:
         return guide.why(has)
-    if reason == Reason.MOVES and scenes.moving:
-        return repr(scenes.moving)
+    if reason == Reason.MOVES and scenes.moving_region:
+        return repr(scenes.moving_region)
     return ""
 
 

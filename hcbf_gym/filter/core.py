@@ -85,7 +85,7 @@ class FilterCore:
     @property
     def conditions(self) -> list[Condition]:
         """Name and rank of the conditions of plant 0, in the order of the report's rows."""
-        return self.scenes.now.conditions()
+        return self.scenes.current.conditions()
 
     def restart(self, mask: Mask) -> None:
         """Forget what was known of the masked plants (N,): new episodes have begun there."""
@@ -142,7 +142,7 @@ class FilterCore:
             raise refusal  # where no input reaches them, or their code fails, they brake
         fresh = self.samples.fresh
         if self.config.is_planar:
-            scenes = self.scenes.now
+            scenes = self.scenes.current
             self.coverage.check_scenes(self.scenes.check(scenes.of(fresh)), fresh)
             self.guide.begin(scenes, (goal, extent), fresh, is_first)
         fresh[:] = False
@@ -151,7 +151,7 @@ class FilterCore:
         nothing = np.zeros(n_u if self._alone else (self.count, n_u))
         u, report = self.step(nothing, barriers, estimate, since)
         self._rows.restore(snapshot)
-        self.scenes.is_due = True
+        self.scenes.checks_moves = True
         self.samples.steps[:] = counted
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
@@ -182,7 +182,7 @@ class FilterCore:
             report.renew()  # the user has the memory of the last report
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since)
-        scene = self.scenes.now
+        scene = self.scenes.current
         if self.coverage.is_new or not self._alone:
             self.coverage.write(report.plants)
         if scene.kind.shape[1] != self._m:
@@ -220,8 +220,8 @@ class FilterCore:
         """Refuse u* that is not finite, or scenes that are not of these plants."""
         if answer == bound.MISSHAPED:
             raise InvalidInputError(
-                f"barriers: got scenes of the shape {self.scenes.now.kind.shape} for {self.count} "
-                f"plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
+                f"barriers: got scenes of the shape {self.scenes.current.kind.shape} for "
+                f"{self.count} plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
         bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
         raise InvalidInputError(

@@ -399,7 +399,7 @@ class VelocityFilter:
         present = given.stamp if now is None else number(now)
         self._look_back(present)
         self._clock.look(present)
-        self._core.scenes.began = self._clock.zero
+        self._core.scenes.scan_ages.clock_zero = self._clock.zero
         if self._time is not None and present - self._time > LATE * self._period:
             self._miss()
         age = 0.0 if now is None else present - sample.stamp
