@@ -1,4 +1,8 @@
-"""Rows of N plants of any model: usual rows from jets, with alarms and braking inputs."""
+"""Rows of N plants of any model other than the planar double integrator.
+
+A compiled step compares each sample with what the model predicted, raises alarms, chooses braking
+inputs and makes rows from f, g and the jets of barriers. Python evaluates users' own barriers.
+"""
 
 from typing import Any
 
@@ -28,19 +32,19 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 
 class ModelRows:
-    """Makes rows, alarms and braking inputs from f, g and jets.
+    """Makes the rows of all barriers. `PlanarRows` does the same for planar double integrators.
 
     Raises:
-        InvalidInputError: if something is to be reserved that has no meaning for the model.
+        InvalidInputError: if an uncertainty is declared that has no meaning for the model.
     """
 
     def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
         self._config, self._samples, self._bound = config, samples, bound
         model = config.plant.model
-        self._rows_of = GeneralRows(
+        self._general_rows = GeneralRows(
             model, config.alpha1, config.alpha2, config.input_set.support, config.alpha_speed
         )
-        self._rows_of.kinks = self._kinks = Kinks()
+        self._general_rows.kinks = self._kinks = Kinks()
         self._check_uncertainty()
         self._prepared: Prepared | None = None
         self._warned_of_concave = False
@@ -48,7 +52,7 @@ class ModelRows:
         self.resize(0)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; its step is compiled anew."""
+        """Return the attributes for a copy, with the memory of the step in place of the step."""
         return {**vars(self), "_step": self._step.memory()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -57,7 +61,7 @@ class ModelRows:
         self._step.restore(state["_step"])
 
     def _make_step(self) -> _core.ModelStep:
-        """Return the compiled step of the plants, up to their rows."""
+        """Return the compiled step, which reads samples and writes rows."""
         config, plant, u_set = self._config, self._config.plant, self._config.input_set
         nothing, model = np.zeros(0), plant.model
         limits = nothing, nothing, u_set.vertices().ravel()
@@ -66,10 +70,10 @@ class ModelRows:
         return _core.ModelStep(
             compiled(model),
             np.array(config.reserve.settings),
-            self._rows_of.alphas,
+            self._general_rows.alphas,
             limits,
             largest_inputs(u_set),
-            ~driven_alone(model),
+            ~driven_by_inputs_alone(model),
             u_set.radius,
             plant.uncertainty.confidence,
             plant.period or 0.0,
@@ -78,7 +82,7 @@ class ModelRows:
         )
 
     def check(self, barriers: object, given: BarrierSet) -> None:
-        """Refuse barriers that have no rows of the model."""
+        """Refuse barriers that have no rows of this model."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
                 f"plant: got the scenes of an environment with {self._config.plant.model}, "
@@ -99,13 +103,13 @@ class ModelRows:
                 )
 
     def moves(self, scene: BarrierSet) -> bool:
-        """Return whether a scene depends on time."""
-        seen = {id(one): one for listed in scene.listed for one in listed}
+        """Return whether a barrier of N scenes depends on time."""
+        distinct = {id(one): one for listed in scene.listed for one in listed}
         n = self._config.plant.model.n
-        return any(reads_time(one, n) for one in seen.values() if isinstance(one, Barrier))
+        return any(reads_time(one, n) for one in distinct.values() if isinstance(one, Barrier))
 
     def resize(self, m: int) -> None:
-        """Make room for m rows."""
+        """Allocate the rows (N, m, WIDTH + n_u) of scenes of m barriers."""
         self._rows = PackedRows(
             np.zeros((self._config.count, m, WIDTH + self._config.input_set.n_u))
         )
@@ -121,7 +125,7 @@ class ModelRows:
         self._step.restore(snapshot.step)
 
     def accept(self, scene: BarrierSet) -> ReachedBarriers:
-        """Look at a changed scene, and return its barriers and how inputs reach them."""
+        """Prepare changed scenes; return their barriers and how inputs reach them."""
         self._prepared = None
         first: Any = scene.listed[0]
         same = all(listed is first for listed in scene.listed)
@@ -130,9 +134,9 @@ class ModelRows:
             self._warned_of_concave = True
             own = [one for one in first if isinstance(one, Function)]
             warn_of_concave(own, self._config.plant.model)
-        prepared = self._rows_of.prepare(scenes)
-        shape = scene.is_region  # as of time 0
-        prepared.scenes.parameters[shape] = scene.parameters[shape]
+        prepared = self._general_rows.prepare(scenes)
+        placed = scene.is_region  # these shapes are where they are at time 0
+        prepared.scenes.parameters[placed] = scene.parameters[placed]
         reaches = [reach for one in prepared.reaches for reach in one]
         period = self._config.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
@@ -142,11 +146,11 @@ class ModelRows:
         return ReachedBarriers([one for entries in distinct for one in entries], reaches)
 
     def evaluate_previous(self, scene: BarrierSet) -> bool:
-        """Return False: what conditions lacked of the scene until now is unknown."""
+        """Return False: rows of other models are not evaluated for the scenes until now."""
         return False
 
     def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
-        """Check the states, compare them with what was expected, and return the rows."""
+        """Return the rows at the present samples, whose states and motion are checked first."""
         self._kinks.u = u_nominal
         prepared, core = self._prepared, self._bound.core
         if core.sense(self._step, self._samples.has_parts) and prepared is not None:
@@ -160,31 +164,33 @@ class ModelRows:
         return self._rows.numbers
 
     def _bind(self, prepared: Prepared) -> None:
-        """Let the compiled step read the scene and write into the rows."""
+        """Let the compiled step read the prepared scenes and write into the rows."""
         self._rows.reads_position[...] = prepared.scenes.keeps_margin
         margins = prepared.margins(self._config.reserve.fixed)
         self._step.bind(*prepared.built_in, margins, self._rows.numbers)
         self._is_bound = True
 
     def _write(self, prepared: Prepared, entries: list[Entry]) -> None:
-        """Write the rows of scenes of which Python evaluates some entries."""
+        """Write the rows of scenes in which Python evaluates `entries`."""
         states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
-        known = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
-        uncertain = entries if self._samples.has_parts or reserve.is_steep else []
+        uncertain = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
+        sloping = entries if self._samples.has_parts or reserve.is_steep else []
         confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
-            self._step.reserve(*slopes_of(uncertain, known, confidence, m))
+            self._step.reserve(*slopes_of(sloping, uncertain, confidence, m))
             at = States(states.x, time, *self._step.terms())
-            self._rows_of.write(prepared, at, self._rows)
+            self._general_rows.write(prepared, at, self._rows)
 
     def _check_uncertainty(self) -> None:
-        """Refuse what has no meaning for the model."""
+        """Refuse an uncertainty that has no meaning for the model."""
         model, declared = self._config.plant.model, self._config.plant.uncertainty
-        without = [name for name in ("speed", "speed_per_velocity") if model.velocity_at != 2]
-        why = dict.fromkeys(without, "it has no velocity in x[2:4] that a speed limit reads")
-        if declared.per_velocity > 0.0 and not drifts(model):
-            why["per_velocity"] = "its velocity is the input, so that no body lags behind it"
-        for name, reason in why.items():
+        reasons: dict[str, str] = {}
+        if model.velocity_at != 2:
+            without = "it has no velocity in x[2:4] that a speed limit reads"
+            reasons = {"speed": without, "speed_per_velocity": without}
+        if declared.per_velocity > 0.0 and not has_drift(model):
+            reasons["per_velocity"] = "its velocity is the input, so that no body lags behind it"
+        for name, reason in reasons.items():
             value = getattr(declared, name)
             if value > 0.0:
                 raise InvalidInputError(
@@ -192,22 +198,22 @@ class ModelRows:
                 )
 
 
-def drifts(model: ReducedOrderModel) -> bool:
-    """Return whether the velocity under one input differs from state to state."""
+def has_drift(model: ReducedOrderModel) -> bool:
+    """Return whether the velocity under one input differs between sampled states."""
     f, g = model.terms_of(samples(model)[0])
     return bool(np.ptp(f[:, : model.n_p], axis=0).any() or np.ptp(g[:, : model.n_p], axis=0).any())
 
 
-def driven_alone(model: ReducedOrderModel) -> Mask:
-    """Return (n,) which states an input drives at once, with no drift in them or from them."""
+def driven_by_inputs_alone(model: ReducedOrderModel) -> Mask:
+    """Return (n,) the states that an input drives at once, and that have and cause no drift."""
     states, _ = samples(model)
-    driven = np.zeros(model.n, dtype=np.bool_)
-    moves = np.zeros(model.n, dtype=np.bool_)
+    is_driven = np.zeros(model.n, dtype=np.bool_)
+    drifts = np.zeros(model.n, dtype=np.bool_)
     for x in states:
         f = model.f(x)
-        driven |= (model.g(x) != 0.0).any(axis=1)
-        moves |= f != 0.0
+        is_driven |= (model.g(x) != 0.0).any(axis=1)
+        drifts |= f != 0.0
         for k in range(model.n):
             moved = x + 0.1 * (np.arange(model.n) == k)
-            moves[k] |= bool((model.f(moved) != f).any())
-    return driven & ~moves
+            drifts[k] |= bool((model.f(moved) != f).any())
+    return is_driven & ~drifts
