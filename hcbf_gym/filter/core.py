@@ -1,6 +1,5 @@
 """From u* to u for N plants of any model: sample, rows, guidance, program, report."""
 
-from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
@@ -18,6 +17,7 @@ from hcbf_gym.filter.conflict import conflict_of
 from hcbf_gym.filter.covering import EpisodeCoverage
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.model_rows import ModelRows
+from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.planar_rows import PlanarRows
 from hcbf_gym.filter.samples import Samples, real_numbers
 from hcbf_gym.filter.scenes import Scenes
@@ -28,22 +28,23 @@ from hcbf_gym.programs import ConflictReport, FilterStatus
 
 
 class FilterCore:
-    """The filter of N plants: `sample`, `scenes` and `rows`, `guide`, `bound` and `report`.
+    """The filter of N plants, behind the wrappers and the filters for loops of one's own.
 
-    A solver by name takes the place of the compiled program alone.
+    A step takes a sample and the barriers, lets guidance lead, makes rows, solves the program and
+    reports. `Bound` does most of it in compiled code, or with a solver by name.
 
     Attributes:
-        config: settings and what follows from them.
-        samples: what is known of the plants.
+        config: the settings, and what follows from them.
+        samples: the latest samples of the plants.
         scenes: the barriers as they are now.
-        guide: leads the plants.
+        guide: leads the plants to their goals.
         guides: whether it does, so that they need a goal.
         coverage: whether the promise was tested for each plant.
 
     Args:
         plant: of the environment.
         input_set: U.
-        settings: what the user requests.
+        settings: of the filter, as the user gave them.
         batch: N of a batch; None for one plant, whose arrays have no leading N.
         threads: how many cores filter parts of a batch at once.
 
@@ -88,7 +89,7 @@ class FilterCore:
         return self.scenes.current.conditions()
 
     def restart(self, mask: Mask) -> None:
-        """Forget what was known of the masked plants (N,): new episodes have begun there."""
+        """Begin new episodes of the masked plants (N,), without what was known of them."""
         self.join(mask)
         self.scenes.placing.forget(mask)
         self.samples.steps[mask] = 0.0
@@ -100,16 +101,16 @@ class FilterCore:
         self.scenes.forget(mask)
 
     def go_on_from(self, other: "FilterCore") -> None:
-        """Let shapes count from when they do in another filter of the same plants."""
+        """Let shapes count from the same times as in another filter of the same plants."""
         self.scenes.placing = copy(other.scenes.placing)
         self.scenes.placing.is_due = True
 
     def look_again(self) -> None:
-        """Let the next `begin` look at scenes, goals and extents anew; what is known stays."""
+        """Let the next `begin` take up scenes, goals and extents; samples are not forgotten."""
         self.samples.fresh[:] = True
 
     def leave_monitor(self) -> None:
-        """Compare nothing: the caller propagates the states and compares its own measurements."""
+        """Compare no motion: the caller propagates states, and compares its own measurements."""
         self.config.constants["observed"] = False
 
     def cover(self, covered: object) -> None:
@@ -125,31 +126,33 @@ class FilterCore:
         since: float | None = None,
         is_first: bool = True,
     ) -> Info:
-        """Look at the first states of new episodes, and return the report of a reset.
+        """Take the first states of new episodes, and return the report of a reset.
+
+        The report is that of a step with u* = 0, whose input is not applied and which is undone.
 
         Args:
-            barriers: as they are now.
-            estimate: of the states.
+            barriers: as the plants' reader returns them.
+            estimate: of the plants.
             goal: where guidance leads [m].
-            extent: of the world [m]; None where none is known.
-            since: as `step` takes it.
+            extent: of the world [m]; None if it is not known.
+            since: as in `step`.
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
         """
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since)
         refusal = self.scenes.refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
-            raise refusal  # where no input reaches them, or their code fails, they brake
+            raise refusal  # the plants brake if no input reaches a barrier, or its code fails
         fresh = self.samples.fresh
         if self.config.is_planar:
             scenes = self.scenes.current
             self.coverage.check_scenes(self.scenes.check(scenes.of(fresh)), fresh)
-            self.guide.begin(scenes, (goal, extent), fresh, is_first)
+            self.guide.begin(scenes, World(goal, extent), fresh, is_first)
         fresh[:] = False
         snapshot, counted = self._rows.snapshot(), self.samples.steps.copy()
         n_u = self.input_set.n_u
-        nothing = np.zeros(n_u if self._alone else (self.count, n_u))
-        u, report = self.step(nothing, barriers, estimate, since)
+        zero = np.zeros(n_u if self._alone else (self.count, n_u))
+        u, report = self.step(zero, barriers, estimate, since)
         self._rows.restore(snapshot)
         self.scenes.checks_moves = True
         self.samples.steps[:] = counted
@@ -165,17 +168,16 @@ class FilterCore:
         barriers: object,
         estimate: Estimate,
         since: float | None = None,
-        world: Sequence[Any] | None = None,
+        world: World | None = None,
     ) -> tuple[Array, Info]:
-        """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
+        """Filter u*, and return u with its report.
 
         Args:
-            u_nominal: u*.
+            u_nominal: (n_u,) u* of one plant, or (N, n_u) of a batch.
             barriers: as the plants' reader returns them.
             estimate: of the plants.
-            since: the time from which shapes count that are others than before [s]; None is the
-                present.
-            world: goal and extent as they are now [m]; None is as they were.
+            since: the time from which changed shapes count [s]; None is the present.
+            world: goal and extent as they are now; None is as they were.
         """
         report = self._bound
         if not self._alone:
@@ -201,14 +203,14 @@ class FilterCore:
         if estimate.time is None:
             self.samples.steps += 1.0
         if answer == bound.ASKS:
-            self._finish(estimate)
-        found = report.report()
-        return found["u_safe"], found
+            self._brake_and_warn(estimate)
+        reported = report.report()
+        return reported["u_safe"], reported
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return which `conditions` no input of U met together at the last step of plant i.
 
-        None where one input met all, or the state of the plant was not accepted.
+        It is None if one input met all, or the state of the plant was not accepted.
         """
         if not 0 <= i < self.count:
             raise InvalidInputError(f"i: got {i}, expected a plant from 0 to {self.count - 1}")
@@ -231,26 +233,26 @@ class FilterCore:
             else f"action: got {u_nominal.tolist()}, expected finite numbers"
         )
 
-    def _finish(self, estimate: Estimate) -> None:
-        """Brake as the user requests, and warn."""
-        found, rows = self._bound.plants, self._bound.rows
+    def _brake_and_warn(self, estimate: Estimate) -> None:
+        """Apply the user's own brake, and warn of reasons."""
+        reports, rows = self._bound.plants, self._bound.rows
         if self.plant.brake is not None:
-            for i in np.flatnonzero(found["status"] == FilterStatus.BACKUP):
+            for i in np.flatnonzero(reports["status"] == FilterStatus.BACKUP):
                 u = self._users_brake(int(i)).astype(self.config.dtype)
-                found["u_safe"][i] = self.samples.input[i] = u
-                found["intervention"][i] = np.linalg.norm(u - found["u_nominal"][i])
+                reports["u_safe"][i] = self.samples.input[i] = u
+                reports["intervention"][i] = np.linalg.norm(u - reports["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
-        reasons = found["reason"].tolist()
+        reasons = reports["reason"].tolist()
         for reason in sorted(set(reasons) - self._warned):
-            known = estimate, self.samples, self.scenes, self.guide
-            cause = cause_of(reason, found["reason"], *known)
+            parts = estimate, self.samples, self.scenes, self.guide
+            cause = cause_of(reason, reports["reason"], *parts)
             kind = kind_of(reason, cause)
             if kind not in self._warned:
                 self._warned.add(kind)
                 warn_of(reason, reasons.count(reason), cause, self.config.brakes_on_alarm)
 
     def _users_brake(self, i: int) -> Array:
-        """Return the input of U nearest the user's own; nearest 0 where that reads a state."""
+        """Return the input of U nearest the user's brake (n_u,), or nearest 0 if it is invalid."""
         n_u = self.input_set.n_u
         brake: Any = self.plant.brake
         if callable(brake):

@@ -15,6 +15,7 @@ from hcbf_gym.envs.plants import READERS
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, count, floats, instance, warn_caller
 from hcbf_gym.filter import certified
 from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
@@ -150,7 +151,7 @@ class FilterBase:
         estimate = state if isinstance(state, Estimate) else Estimate(state)
         if self._covers_anew:
             core.coverage.update(self._covered())
-        u, report = core.step(u_nominal, barriers, estimate, world=world or None)
+        u, report = core.step(u_nominal, barriers, estimate, world=World(*world) if world else None)
         applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u.copy())
         observation, reward, terminated, truncated, info = self.env.step(applied)
         self._see(observation, info)
