@@ -64,7 +64,7 @@ class LateInputs:
         return degrees
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
-        """Return a sentence for each of m barriers, with their reaches, whose row misses an input."""
+        """Return a sentence for each of m barriers whose row misses an input, by their reaches."""
         messages = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()
