@@ -9,7 +9,7 @@ from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
-from hcbf_gym.filter import bound
+from hcbf_gym.filter import solvers
 from hcbf_gym.filter.bound import NO_ROWS, Bound
 from hcbf_gym.filter.causes import cause_of, kind_of, warn_of
 from hcbf_gym.filter.configured import FilterConfig
@@ -189,7 +189,7 @@ class FilterCore:
             self.coverage.write(report.plants)
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
-            report.widen(self._m, self._m + self.guide.has_row)
+            report.resize(self._m, self._m + self.guide.has_row)
             self._rows.resize(self._m)
         report.u_nominal[...] = u_nominal
         if self.guides:
@@ -197,12 +197,12 @@ class FilterCore:
         own = NO_ROWS
         if scene.own or not self.config.is_planar:
             own = self._rows.make(scene, u_nominal)
-        answer = report.filter(scene, own)
-        if answer in (bound.NOT_FINITE, bound.MISSHAPED):
-            self._refuse(answer, u_nominal)
+        result = report.filter(scene, own)
+        if result in (solvers.NOT_FINITE, solvers.MISSHAPED):
+            self._refuse(result, u_nominal)
         if estimate.time is None:
             self.samples.steps += 1.0
-        if answer == bound.ASKS:
+        if result == solvers.DUE:
             self._brake_and_warn(estimate)
         reported = report.report()
         return reported["u_safe"], reported
@@ -218,9 +218,9 @@ class FilterCore:
             return None
         return conflict_of(self._bound, i, None if self.plant.axle else self.input_set)
 
-    def _refuse(self, answer: int, u_nominal: Array) -> None:
+    def _refuse(self, result: int, u_nominal: Array) -> None:
         """Refuse u* that is not finite, or scenes that are not of these plants."""
-        if answer == bound.MISSHAPED:
+        if result == solvers.MISSHAPED:
             raise InvalidInputError(
                 f"barriers: got scenes of the shape {self.scenes.current.kind.shape} for "
                 f"{self.count} plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
