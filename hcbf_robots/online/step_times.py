@@ -26,25 +26,34 @@ class StepTimes:
     def forget(self) -> None:
         """Begin without any step."""
         self.accepted_at: float | None = None
+        self._first = math.inf  # the first present [s], which is time 0 of the filter
         self._valid_from = self.valid_until = -math.inf
         self._last = self._before_leap = math.nan  # presents [s]
 
     def go_on_from(self, other: "StepTimes") -> None:
         """Take the times of another filter."""
         self.accepted_at, self.valid_until = other.accepted_at, other.valid_until
-        self._valid_from = other._valid_from
+        self._valid_from, self._first = other._valid_from, other._first
         self._last, self._before_leap = other._last, other._before_leap
 
-    def goes_back(self, present: float) -> bool:
+    def note_present(self, present: float) -> bool:
         """Note the present of a step [s]; return whether the last one was wrong: far ahead."""
         goes_back = self._before_leap < present <= self._last
         if math.isinf(self._before_leap):
             goes_back = self._last - present > LEAP
+        if goes_back:
+            self._first, self.accepted_at = min(self._first, present), None
         if math.isfinite(present):
+            self._first = present if self._first == math.inf else self._first
             last = -math.inf if math.isnan(self._last) else self._last  # the first may be wrong
             self._before_leap = last if present - last > LEAP else math.nan
             self._last = present
         return goes_back
+
+    @property
+    def zero(self) -> float:
+        """The present at which the filter's time was 0 [s]."""
+        return 0.0 if self._first == math.inf else self._first
 
     def is_missing(self, present: float) -> bool:
         """Return whether there should have been a sample before the present [s]."""

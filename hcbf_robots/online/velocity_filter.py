@@ -27,7 +27,6 @@ from hcbf_gym.models import clocks
 from hcbf_gym.models.plant import Coverage, Estimate
 from hcbf_gym.programs import ConflictReport, FilterStatus
 from hcbf_robots.maps.scan import Scan
-from hcbf_robots.online.barrier_clock import BarrierClock
 from hcbf_robots.online.barrier_input import BarrierInput
 from hcbf_robots.online.follower import Follower
 from hcbf_robots.online.odometry import Odometry
@@ -127,8 +126,8 @@ class VelocityFilter:
         axle, able = reduced.plant.axle, braking.weakest(reduced.input_set)
         self._follower = Follower(robot, axle, reduced.response.follows, able, self._period)
         self._odometry = Odometry(robot, self._follower, reduced.strays, self._period)
-        self._clock, self._times = BarrierClock(), StepTimes(self._period)
-        self._input = BarrierInput(self._clock)
+        self._times = StepTimes(self._period)
+        self._input = BarrierInput(self._times)
         self.v_max = v_max
         options = {"alpha1": alpha1_of(robot.command.fastest)} | options
         self._settings = FilterSettings(
@@ -271,7 +270,7 @@ class VelocityFilter:
     def reset(self) -> None:
         """Forget the past: the robot is at rest anywhere, and time begins anew."""
         self._core.restart(np.ones(1, dtype=np.bool_))
-        for part in (self._clock, self._times, self._input, self._follower, self._odometry):
+        for part in (self._times, self._input, self._follower, self._odometry):
             part.forget()
         self._filtered: object = None  # the barriers of the last step
         self._begun = self._is_framed = False
@@ -287,7 +286,6 @@ class VelocityFilter:
         self._odometry.go_on_from(other._odometry)
         self._times.go_on_from(other._times)
         self._is_framed = other._is_framed
-        self._clock.go_on_from(other._clock)
         self._core.go_on_from(other._core)
 
     def step(
@@ -339,7 +337,7 @@ class VelocityFilter:
         estimate = state.estimate._replace(elapsed=times.elapsed(present))
         velocity = estimate.x[2:]
         nominal = follower.nominal(wanted, state.heading, velocity)
-        u, report = self._core.step(nominal, barriers, estimate, self._clock.since_seen)
+        u, report = self._core.step(nominal, barriers, estimate, self._input.since)
         self._filtered = barriers
         if report["status"] == FilterStatus.BACKUP:
             times.accepted_at, out = None, follower.stop()
@@ -355,14 +353,13 @@ class VelocityFilter:
 
     def _note_present(self, present: float) -> None:
         """Begin anew if the clock goes back to the present [s]; note samples that are missing."""
-        if self._times.goes_back(present):
+        if self._times.note_present(present):
             self._core.join(np.ones(1, dtype=np.bool_))
             self._odometry.compare_anew()
             self._follower.pause()
-            self._begun, self._times.accepted_at = False, None
-            self._clock.begin(present)
-        self._clock.look(present)
-        self._core.scenes.scan_ages.clock_zero = self._clock.zero
+            self._begun = False
+        self._input.check_stamp(present)
+        self._core.scenes.scan_ages.clock_zero = self._times.zero
         if self._times.is_missing(present):
             self._miss()
 
@@ -396,7 +393,7 @@ class VelocityFilter:
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
         covariance = odometry.covariance(self._core.config.uncertainty.confidence)
-        time, fault = self._clock.since(present), odometry.fault or None
+        time, fault = present - self._times.zero, odometry.fault or None
         estimate = Estimate(x, time, covariance, x, lag, place[2], age=age, fault=fault)
         return PresentState(estimate, float(place[2]), float(motion[2]), is_valid)
 
@@ -414,9 +411,8 @@ class VelocityFilter:
         else:
             return barriers
         self._input.note_guidance(present)
-        since = self._clock.since_seen
         try:
-            self._core.begin(barriers, state.estimate, self._goal, None, since)
+            self._core.begin(barriers, state.estimate, self._goal, None, self._input.since)
             self._begun = self._begun or begins
         except InvalidInputError as error:
             as_before = "" if begins else "; guidance leads as before"
@@ -427,9 +423,9 @@ class VelocityFilter:
     def _miss(self) -> None:
         """Filter once without a sample: the robot's motion since the last one is unknown."""
         last = self._times.accepted_at
-        time = None if last is None else self._clock.since(last)
+        time = None if last is None else last - self._times.zero
         missing = Estimate(np.zeros(4), time, heading=0.0, age=math.inf)
-        self._core.step(np.zeros(2), self._filtered, missing, self._clock.since_seen)
+        self._core.step(np.zeros(2), self._filtered, missing, self._input.since)
         self._follower.stop()
         self._times.accepted_at = None
 
