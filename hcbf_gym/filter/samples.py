@@ -159,7 +159,9 @@ class Samples:
             self.set_fault(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
-        self._rebase(has_x, estimate.model is not None)
+        self.is_rebased = False
+        if self.origin.is_far or not self.origin.is_decided:
+            self._rebase(has_x, estimate.model is not None)
 
     def _rebase(self, has_x: bool, has_model: bool) -> None:
         """Let the first valid states decide the origin, and count new positions from it."""

@@ -23,12 +23,13 @@ class ScanAges:
     """Reserves what may have come nearer since scans were taken, until the next sample.
 
     Attributes:
+        has_scans: whether a scene has a scan whose margin grows.
         clock_zero: when the plants' time was 0, on the clock of the scans' stamps [s].
     """
 
     def __init__(self, samples: Samples, period: float | None):
         self._samples, self._period = samples, period or 0.0
-        self.clock_zero = 0.0
+        self.has_scans, self.clock_zero = False, 0.0
         self._scenes = BarrierSet([()])
         self._scans: list[_Scan] = []
         self._first_times: dict[tuple[int, SeenRegion], float] = {}  # of scans without a stamp [s]
@@ -45,6 +46,8 @@ class ScanAges:
             for (i, k), one in held
             if isinstance(one, SeenRegion) and one.speed > 0.0
         ]
+        self.has_scans = bool(self._scans)
+        self._first_times = self._first_times if self.has_scans else {}
 
     def update(self) -> str:
         """Write the margins of scans at their ages; return what is wrong with a stamp, or ""."""

@@ -99,8 +99,7 @@ class Scenes:
             is_same = given is self._given and given.edits == self._edits
             if not is_same or self.placing.is_due:
                 self._replace(given, since)
-        wrong_age = self.scan_ages.update()
-        if wrong_age:
+        if self.scan_ages.has_scans and (wrong_age := self.scan_ages.update()):
             samples.reject(Reason.AGE, wrong_age)
         if self.is_refused:
             samples.reject(Reason.BARRIERS)
