@@ -238,7 +238,7 @@ def _body_h(sample: Sample, now: Truth) -> float:
 
 
 def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
-    """Return the plant with another uncertainty, but with the extent of its own body."""
+    """Return the plant with another uncertainty, but with the same extent of the body."""
     return replace(plant, uncertainty=uncertainty._replace(body=plant.uncertainty.body))
 
 

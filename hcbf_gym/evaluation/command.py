@@ -258,7 +258,7 @@ def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
     """Return all that decides a run: arguments, hashes of the user's files, and versions."""
     left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
     if "robot" not in args.known.options:
-        left_out.add("robot")  # the environment has a robot of its own
+        left_out.add("robot")  # this environment has one robot
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
     decided = {"files": sources_hash(list(files)) if files else "", "versions": versions()}
     return records.plain(given) | decided

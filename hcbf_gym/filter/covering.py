@@ -78,7 +78,7 @@ class EpisodeCoverage:
         self.is_new = True
 
     def _judged(self, covered: object) -> Judged:
-        """Return coverage and reason as (N,) arrays; refuse what is no `Coverage`."""
+        """Return coverage and reason as (N,) arrays; refuse other values than a `Coverage`."""
         judged, shape = covered if isinstance(covered, Judged) else None, self._coverage.shape
         coverage = as_array("covered", covered if judged is None else judged.covered)
         is_valid = coverage.dtype.kind in "iu" and np.isin(coverage, list(Coverage)).all()

@@ -15,7 +15,7 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, S
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 
 FAR = 1e3
-"""A plant that starts farther away has an origin of its own, against errors of rounding [m]."""
+"""A plant that starts farther away has its own origin, against errors of rounding [m]."""
 SAME_EVERYWHERE = DoubleIntegrator, SingleIntegrator, Unicycle, KinematicBicycle
 """Models that begin with a position, on which ẋ does not depend."""
 
