@@ -3,6 +3,7 @@
 from typing import Any
 
 from hcbf_gym import scenarios
+from hcbf_gym.barriers.set import Condition
 from hcbf_gym.evaluation.command import column_names, comparison
 from hcbf_gym.evaluation.rollouts import UNFILTERED, Case, aggregate, evaluate
 from hcbf_gym.evaluation.tables import Table
@@ -27,5 +28,5 @@ def tables(figures: dict[str, Any]) -> dict[str, Table]:
     """Return the table of the README."""
     scene = scenarios.make(SCENARIO)
     rows = [row | {"task": scene.task} for row in figures["rows"]]
-    conditions = [(b.name, b.priority) for b in scene.barriers]
+    conditions = [Condition(b.name, b.priority) for b in scene.barriers]
     return {"all": comparison(rows, conditions, column_names(rows))}

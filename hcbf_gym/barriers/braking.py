@@ -211,7 +211,8 @@ def _least(values: Array, where: Mask) -> float:
 
 def check_limits(
     scenes: BarrierSet,
-    hold: tuple[float | None, float],
+    period: float | None,
+    u_max: float,
     speed_margin: float = 0.0,
     turn: float = 0.0,
 ) -> None:
@@ -219,8 +220,8 @@ def check_limits(
 
     Args:
         scenes: of the plants.
-        hold: how long an input is held [s], None where that is not known, and the largest norm
-            of an input [m/s²].
+        period: how long an input is held [s]; None where that is not known.
+        u_max: the largest norm of an input [m/s²].
         speed_margin: what the rows of speed limits reserve besides their own margins [m/s].
         turn: the greatest turning rate of a differential drive [rad/s]; 0 for all others.
 
@@ -234,7 +235,6 @@ def check_limits(
     if len(v_max):
         worst = int(np.argmin(v_max - 2.0 * margin))
         speed_limit.check_leaves_speed("speed limit", v_max[worst], margin[worst])
-    period, u_max = hold
     if period is None:
         return
     limit = scenes.parameters[scenes.kind == layout.ZONES, layout.V_MAX]

@@ -58,13 +58,13 @@ class Group(NamedTuple):
         rows = rows.copy()
         for j, k in np.argwhere(~np.isfinite(rows).all(axis=2)):
             i = int(self.scenes[j])
-            for beside in kinks.beside(self.kernel.model, at.x[j], i):
+            for beside in kinks.states_beside(self.kernel.model, at.x[j], i):
                 moved = at.x.copy()
                 moved[j] = beside
                 row = self.rows(at._replace(x=moved))[j, k]
                 if np.isfinite(row).all():
                     barrier: Any = scenes[i][self.places[k]]
-                    kinks.warn(barrier, at.x[j])
+                    kinks.warn_once(barrier, at.x[j])
                     h = rows[j, k, H]
                     rows[j, k] = row
                     rows[j, k, H] = h

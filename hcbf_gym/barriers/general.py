@@ -179,7 +179,7 @@ class GeneralRows:
                 alone.parameters[:] = scenes.scenes.parameters[here, :m]
                 part = prepared(alone, self.functions, self.reach)
                 state = States(*(field[here] for field in states))
-                self.write(part, state, PackedRows(rows.numbers[here, :m]), kinks.from_plant(i))
+                self.write(part, state, PackedRows(rows.numbers[here, :m]), kinks.starting_at(i))
 
     def _write(self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks) -> None:
         """Write the rows of N states; errors of users' own code are raised."""

@@ -1,8 +1,9 @@
-"""Where derivatives are taken at a kink of h: a small step beside it.
+"""Derivatives of a barrier h at a kink, where h is finite and a derivative is not.
 
-Where h(x) is finite and a derivative is not, as of ‖v‖ at rest, the derivatives are those at
-``x + STEP d``: d is the direction of the velocity, at rest that of u*, and else the first axis
-along which they are finite. The row is then that of the part of h into which the plant moves.
+An example is h = 1 − ‖v‖ at rest. The derivatives are then those at ``x + STEP d``, a small step
+beside the state x. The direction d is that of the velocity, or at rest that of u*, so that the row
+is that of the part of h into which the plant moves. If the derivatives are not finite there either,
+d is the first axis along which they are.
 """
 
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from hcbf_gym.errors import InvalidInputError, SafetyWarning, warn_caller
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 STEP = 1e-6
-"""In units of the state."""
+"""The length of the step beside a kink, in units of the state."""
 SMOOTH = (
     "expected a smooth formula, such as jnp.sqrt(s + 1e-6) in the place of jnp.sqrt(s), and a "
     "minimum of functions as a condition of the same rank for each"
@@ -25,38 +26,35 @@ SMOOTH = (
 
 @dataclass
 class Kinks:
-    """Finds states beside a kink for each of N plants, and warns once of each barrier with one.
-
-    Plants are counted from `first`, so that rows can be made of some of them alone.
-    """
+    """Evaluates barriers of N plants beside a kink, and warns once of each barrier with one."""
 
     u: Array | None = None  # (n_u,) or (N, n_u) u* of the plants; None where it is not known
-    first: int = 0
-    warned: set[str] = field(default_factory=set)  # names of barriers
+    first: int = 0  # the plant whose index is 0, where rows are made of some plants alone
+    warned: set[str] = field(default_factory=set)  # the names of barriers that were warned of
 
-    def from_plant(self, i: int) -> "Kinks":
-        """Return the same with plant i as the first."""
+    def starting_at(self, i: int) -> "Kinks":
+        """Return an object for the plants from i on, which shares u* and the given warnings."""
         return Kinks(self.u, self.first + i, self.warned)
 
-    def beside(self, model: ReducedOrderModel, x: Array, i: int) -> Iterator[Array]:
-        """Yield states beside x (n,) of plant i, the preferred one first."""
+    def states_beside(self, model: ReducedOrderModel, x: Array, i: int) -> Iterator[Array]:
+        """Yield states (n,) a step beside the state x (n,) of plant i, the preferred one first."""
         u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[self.first + i]
         f, g = model.terms(x)
         if isinstance(model, DoubleIntegrator):
             v = x[model.n_u :]
-            moves = np.tile(v if v.any() else u, 2)
+            motion = np.tile(v if v.any() else u, 2)
         else:
-            moves = f if f.any() else g @ u
-        axes = (np.arange(model.n) == j for j in range(model.n_u))
-        for d in (moves, *(axis + g[:, j] for j, axis in enumerate(axes))):
-            size = float(np.linalg.norm(d))
-            if 0.0 < size < np.inf:
-                yield x + STEP / size * d
+            motion = f if f.any() else g @ u
+        along_axes = [(np.arange(model.n) == j) + g[:, j] for j in range(model.n_u)]
+        for direction in (motion, *along_axes):
+            length = float(np.linalg.norm(direction))
+            if 0.0 < length < np.inf:
+                yield x + STEP / length * direction
 
     def jet(self, model: ReducedOrderModel, barrier: Barrier, x: Array, t: float, i: int) -> Jet:
         """Return a barrier's jet at the state x (n,) of plant i and the time t [s].
 
-        Where derivatives are not finite at x, they are those beside x, and h is that at x.
+        At a kink it has h at x and the derivatives beside x.
 
         Raises:
             InvalidInputError: if the barrier returns no jet, h is not finite, or the derivatives
@@ -66,26 +64,29 @@ class Kinks:
         if isinstance(jet, Jet) and is_plain(jet, model.n):
             return jet
         jet = checked(barrier, jet, model.n, finite=False)
-        if all(np.isfinite(field).all() for field in jet):
+        if _is_finite(jet):
             return jet
         if not np.isfinite(jet.h):
             raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-        for beside in self.beside(model, x, i):
-            other = checked(barrier, barrier.jet(beside, t), model.n, finite=False)
-            if all(np.isfinite(field).all() for field in other):
-                self.warn(barrier, x)
-                return other._replace(h=jet.h)
+        for beside in self.states_beside(model, x, i):
+            jet_beside = checked(barrier, barrier.jet(beside, t), model.n, finite=False)
+            if _is_finite(jet_beside):
+                self.warn_once(barrier, x)
+                return jet_beside._replace(h=jet.h)
         raise InvalidInputError(
             f"{barrier.name}: the gradient of h is not finite at x = {x.tolist()}; {SMOOTH}"
         )
 
-    def warn(self, barrier: Barrier, x: Array) -> None:
-        """Warn that the derivatives of a barrier are not those at x (n,), once."""
-        if barrier.name in self.warned:
-            return
-        self.warned.add(barrier.name)
-        warn_caller(
-            f"{barrier.name}: h is finite and its gradient is not at x = {x.tolist()}: it is taken "
-            f"{STEP:g} beside, along the motion; {SMOOTH}",
-            SafetyWarning,
-        )
+    def warn_once(self, barrier: Barrier, x: Array) -> None:
+        """Warn that the derivatives of a barrier at the state x (n,) are those beside it."""
+        if barrier.name not in self.warned:
+            self.warned.add(barrier.name)
+            warn_caller(
+                f"{barrier.name}: h is finite and its gradient is not at x = {x.tolist()}: it is "
+                f"taken {STEP:g} beside, along the motion; {SMOOTH}",
+                SafetyWarning,
+            )
+
+
+def _is_finite(jet: Jet) -> bool:
+    return all(np.isfinite(part).all() for part in jet)

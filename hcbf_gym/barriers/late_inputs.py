@@ -1,12 +1,12 @@
-r"""Inputs that reach a barrier too late to be in its row.
+r"""Finds inputs that enter a later derivative of h than those in its row.
 
-A row holds the inputs that enter the derivative of h which any input enters first. Where another
-input moves h by a later derivative, the filter leaves it to the policy, which may use it against
-the row: a car that may only be steered around a disc is driven into it by the gas pedal.
+The row of a barrier holds the inputs that enter the first derivative of h that any input enters. An
+input that enters a later derivative is left to the policy, which may use it against the row. An
+example is a car whose row steers it around a disc, while the gas pedal drives it into the disc.
 
-ẋ_i depends on x_k where f_i or a g_ij changes with x_k at sampled states, and input j drives x_i
-where g_ij differs from 0 there. The number of links from an input to a state that h reads is the
-derivative that it enters first, unless terms cancel.
+Links between states and inputs are found at sampled states. The state derivative ẋ_i depends on x_k
+if f_i or a g_ij changes with x_k. Input j drives x_i if g_ij is not 0. The number of links from an
+input to a state that h reads is the derivative that the input enters first, unless terms cancel.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-_CHANGE = 0.1  # of a state, relative to 1 + |x|, to see what changes with it
-_ROUNDING = 1e-9  # relative change that counts as none
+_CHANGE = 0.1  # by which a state is changed, relative to 1 + |x|
+_ROUNDING = 1e-9  # the relative change of f or g that counts as none
 
 REMEDY = (
     "expected a condition that these inputs enter as early: one that reads a point ahead, or the "
@@ -30,11 +30,11 @@ REMEDY = (
 
 
 class LateInputs:
-    """Finds barriers whose row misses an input that moves h by a later derivative.
+    """Finds the barriers of a model whose rows miss an input.
 
     Attributes:
-        states: (n, n) whether ẋ_i depends on x_k.
-        inputs: (n, n_u) whether input j drives x_i.
+        states: (n, n) entry (i, k) is whether ẋ_i depends on x_k.
+        inputs: (n, n_u) entry (i, j) is whether input j drives x_i.
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
@@ -50,10 +50,13 @@ class LateInputs:
                 moved[k] += _CHANGE * (1.0 + abs(x[k]))
                 self.states[:, k] |= np.abs(model.f(moved) - f) > rounding
                 self.states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
-        self._late: dict[bytes, bool] = {}
+        self._is_late: dict[bytes, bool] = {}  # by the states and inputs of a reach
 
     def degrees(self, reads: Mask) -> NDArray[np.int64]:
-        """Return (n_u,) by which derivative inputs enter a function of states `reads`; 0: never."""
+        """Return (n_u,) which derivative of an h of the states `reads` (n,) an input enters first.
+
+        It is 0 for an input that enters none.
+        """
         degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
         for degree in range(1, reads.size + 1):
             degrees[(degrees == 0) & self.inputs[reads].any(axis=0)] = degree
@@ -61,18 +64,18 @@ class LateInputs:
         return degrees
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
-        """Return a sentence for each such barrier, of m conditions with their reaches."""
-        found = []
+        """Return a sentence for each of m barriers whose row misses an input, by their reaches."""
+        messages = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()
-            if self._late.get(key) is False:
+            if self._is_late.get(key) is False:
                 continue
             degrees = self.degrees(reach.reads)
             late = np.flatnonzero((degrees > 0) & ~reach.inputs)
-            self._late[key] = bool(late.size)
+            self._is_late[key] = bool(late.size)
             if late.size:
-                found.append(self._message(barrier, reach, late, degrees))
-        return found
+                messages.append(self._message(barrier, reach, late, degrees))
+        return messages
 
     def _message(
         self, barrier: Barrier, reach: Reach, late: NDArray[np.int64], degrees: NDArray[np.int64]

@@ -1,8 +1,9 @@
-"""Classes of a map as barriers, and the atlas of their pieces.
+"""Classes of a map as barriers, and the atlas that holds their pieces.
 
-A class is one condition, h its least over all pieces. A filter gives each piece within the braking
-horizon its own row. `docs/rows.md` proves that beyond it nothing can go wrong: whatever input
-of U is held for a period, h ≥ m and ψ ≥ 0 at its end.
+A class is all cells of one kind, covered by pieces. It is one barrier, and its h is the least of
+all pieces. A filter makes a row for each piece within the braking horizon. `docs/rows.md` proves
+that pieces beyond it need no row: with every input of U that is held for a period, h ≥ m and ψ ≥ 0
+at its end.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,16 +23,15 @@ from hcbf_gym.models.grid import Grid
 
 @dataclass(frozen=True, eq=False)
 class Mapped(Barrier):
-    """What classes of a map and scans share: pieces, and what is reserved around them.
+    """The base of classes of a map and of scans, for filters of the planar double integrator.
 
-    For two-input filters of the planar double integrator. Equal are the same objects alone: to
-    compare all cells would take too long.
+    Two of them are equal only if they are the same object, as comparing all cells takes too long.
 
     Args:
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
-        pieces: what covers the cells.
-        margin: reserved around the pieces besides the robot's own margins [m].
+        pieces: the pieces that cover the cells.
+        margin: what rows reserve around the pieces besides the robot's own margins [m].
     """
 
     pieces: Pieces = field(kw_only=True)
@@ -40,7 +40,7 @@ class Mapped(Barrier):
     __hash__ = object.__hash__
 
     def __eq__(self, other: object) -> bool:
-        """Return whether they are the same object."""
+        """Return whether `other` is the same object."""
         return self is other
 
     def __post_init__(self) -> None:
@@ -49,7 +49,10 @@ class Mapped(Barrier):
         object.__setattr__(self, "margin", margin)
 
     def write(self, c: Array, at: int) -> int:
-        """Write the block c (WIDTH,) of pieces that begin at `at` in the atlas; return the kind."""
+        """Write the block c (WIDTH,) of a class, and return its kind (see `layout`).
+
+        `at` is the index in the atlas at which its pieces begin.
+        """
         c[:] = 0.0
         c[layout.PIECES] = at
         return self.code
@@ -59,23 +62,23 @@ class Mapped(Barrier):
         return replace(self, pieces=self.pieces.moved(step))
 
     def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
-        """Return what is about as near as the nearest piece, nearest first.
+        """Return the pieces that are about as near as the nearest piece, nearest first.
 
         Args:
-            x: position first [m].
+            x: (n,) a state, the position first [m].
             beyond: how much farther than the nearest the others may be [m].
 
         Returns:
             The signed distances (k,) [m], and their gradients (k, 2).
         """
-        packed, at = self.pieces.packed, (float(x[0]), float(x[1]))
-        reach = max(0.0, _core.pieces_nearest(packed, 0, *at)[0]) + beyond
-        found = np.empty(len(self.pieces), dtype=np.int64)
-        found = found[: _core.pieces_near(packed, 0, *at, min(reach, FARTHEST), found)]
-        seen = np.empty((len(found), 3))
-        _core.pieces_jets(packed, found, *at, seen)
-        seen = seen[np.lexsort(seen.T[::-1])]
-        return seen[:, 0], seen[:, 1:]
+        packed, position = self.pieces.packed, (float(x[0]), float(x[1]))
+        reach = max(0.0, _core.pieces_nearest(packed, 0, *position)[0]) + beyond
+        near = np.empty(len(self.pieces), dtype=np.int64)
+        near = near[: _core.pieces_near(packed, 0, *position, min(reach, FARTHEST), near)]
+        jets = np.empty((len(near), 3))  # h, ∂h/∂x and ∂h/∂y
+        _core.pieces_jets(packed, near, *position, jets)
+        jets = jets[np.lexsort(jets.T[::-1])]
+        return jets[:, 0], jets[:, 1:]
 
     def nearest(self, x: Array) -> tuple[float, Array]:
         """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
@@ -83,7 +86,7 @@ class Mapped(Barrier):
         return h, np.array([gx, gy])
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its gradient, whose turn at corners is left out."""
+        """Return h and its gradient; the Hessian is 0, also at corners."""
         n = len(x)
         h, normal = self.nearest(x)
         gradient = np.zeros(n)
@@ -93,11 +96,11 @@ class Mapped(Barrier):
 
 @dataclass(frozen=True, eq=False)
 class OnGrid(Mapped):
-    """What classes of cells share.
+    """The base of classes that are cells of a grid.
 
     Args:
         grid: of the map, for guidance.
-        cells: (rows, columns) of the class in that grid, row 0 the lowest.
+        cells: (rows, columns) which cells of that grid belong to the class, row 0 the lowest.
     """
 
     grid: Grid = field(kw_only=True)
@@ -113,7 +116,7 @@ class MappedRegion(OnGrid):
     """The outside of the cells of a class: h is the signed distance to the nearest piece.
 
     Args:
-        beyond: whether all outside the grid belongs to the class; the pieces cover it.
+        beyond: whether all that is outside the grid belongs to the class, and has pieces too.
     """
 
     beyond: bool = field(default=False, kw_only=True)
@@ -121,11 +124,11 @@ class MappedRegion(OnGrid):
 
 @dataclass(frozen=True, eq=False)
 class SeenRegion(Mapped):
-    """The outside of what a scan shows, for the moment: guidance plans no path around it.
+    """The outside of what a scan shows at its stamp. Guidance plans no path around it.
 
     Args:
-        stamp: when it was seen [s]; None counts from the first step that has it.
-        period: up to this age its margin is enough [s].
+        stamp: when the scan was taken [s]; None counts from the first step that has it.
+        period: the age up to which its margin is enough [s].
         speed: of the fastest thing around [m/s].
     """
 
@@ -134,7 +137,7 @@ class SeenRegion(Mapped):
     speed: float = 0.0
 
     def margin_at(self, age: float) -> float:
-        """Return what is reserved at an age [s], also for what may have come since [m]."""
+        """Return the margin at an age [s] [m], which reserves what may have come since."""
         return min(self.margin + self.speed * max(0.0, age - self.period), FARTHEST)
 
 
@@ -164,7 +167,7 @@ class MappedZone(OnGrid):
         return self.code
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its derivatives, but for how the gradient of the distance turns."""
+        """Return h and its derivatives; the curvature of the distance is left out."""
         n = len(x)
         distance, normal = self.nearest(x)
         away = max(0.0, distance - self.margin)
@@ -179,33 +182,35 @@ class MappedZone(OnGrid):
 class Atlas:
     """The pieces of all maps in a set of scenes, one behind another in one array.
 
-    What several scenes share is there once. What no scene holds any more is cleared away when room
-    is short.
+    Pieces that several scenes share are there once. Pieces that no scene holds any more are removed
+    when the array is full.
 
     Args:
-        before: its pieces are not copied, and no more is put there: a scan beside a large map
-            costs what the scan does.
+        before: an atlas that is not used any more, whose array is continued, so that a new scan
+            beside a large map does not copy the map.
 
     Attributes:
-        numbers: (L,) `Pieces.packed` of all of them; None as long as there was none.
+        numbers: (L,) `Pieces.packed` of all pieces; None as long as there was no map.
         held: (scene, place) → the class of a map that is there.
     """
 
     def __init__(self, before: "Atlas | None" = None) -> None:
         self.numbers: Array | None = None
-        self._before = before if before else None  # one without a map would lead to its own
+        self._before = (
+            before if before else None
+        )  # an empty one would keep its own predecessors alive
         self.held: dict[tuple[int, int], Mapped] = {}
-        self._begins: dict[Pieces, int] = {}  # by the objects: a copy of an atlas has its own
+        self._begins: dict[Pieces, int] = {}  # by identity: a copied atlas has copied pieces
         self._end = 0
 
     def __bool__(self) -> bool:
-        """Return whether there is any map."""
+        """Return whether a scene holds a class of a map."""
         return bool(self.held)
 
     def hold(self, place: tuple[int, int], barrier: Mapped, parameters: Array) -> None:
-        """Put a class of a map at (scene, place), and write its block of parameters (N, m, WIDTH).
+        """Put a class at (scene, place), and write its block into the parameters (N, m, WIDTH).
 
-        Where the pieces of others move, theirs are written, too.
+        If the array is replaced by a larger one, the blocks of all other classes are written, too.
         """
         if self._before is not None:
             before, self._before = self._before, None
@@ -215,7 +220,7 @@ class Atlas:
         pieces = barrier.pieces
         if pieces not in self._begins:
             if self.numbers is None or self._end + pieces.packed.size > self.numbers.size:
-                self._clear_away()
+                self._reallocate()
                 for other, one in self.held.items():
                     one.write(parameters[other], self._begins[one.pieces])
                 return
@@ -223,14 +228,16 @@ class Atlas:
         barrier.write(parameters[place], self._begins[pieces])
 
     def of(self, places: dict[int, int]) -> "Atlas":
-        """Return what some scenes hold, and the same numbers, to which no more is written.
+        """Return the atlas of some scenes, which shares the array and does not write to it.
 
         Args:
-            places: number of each scene → its number in the new set.
+            places: index of each scene → its index in the new set.
         """
         chosen = Atlas()
         chosen.numbers = self.numbers
-        chosen._end = 0 if self.numbers is None else self.numbers.size  # more needs new room
+        chosen._end = (
+            0 if self.numbers is None else self.numbers.size
+        )  # full, so that more pieces need a new array
         chosen.held = {(places[i], k): one for (i, k), one in self.held.items() if i in places}
         return chosen
 
@@ -239,8 +246,8 @@ class Atlas:
         numbers[begin : self._end] = pieces.packed
         self._begins[pieces] = begin
 
-    def _clear_away(self) -> None:
-        """Retain what is held alone, with as much room again."""
+    def _reallocate(self) -> None:
+        """Copy the pieces that scenes hold into a new array of twice their size."""
         alive = dict.fromkeys(one.pieces for one in self.held.values())
         self.numbers = np.zeros(2 * sum(pieces.packed.size for pieces in alive))
         self._begins, self._end = {}, 0

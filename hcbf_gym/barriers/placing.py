@@ -1,8 +1,9 @@
-"""Since when shapes count: from the time at which their object was first returned or set.
+"""Places moving shapes: each counts from the time at which its object was first returned or set.
 
-A new object describes the world now, and the same object moves with its velocity. A shape that
-counts from t₀ is written as of time 0 of the plant's clock, p₀ − w t₀, so that all that reads its
-block needs the plant's time alone. A `Function` and a class with a `jet` read that time themselves.
+A new object describes the world now, and the same object moves on with its velocity w. A shape that
+is at p₀ at its time t₀ is written as of time 0 of the plant's clock, at p₀ − w t₀. So code that
+reads its block needs the plant's time alone. A `Function`, and a class with a `jet`, read that time
+themselves.
 """
 
 from collections.abc import Sequence
@@ -23,15 +24,15 @@ _NEW = -1
 
 
 class OwnShape(NamedTuple):
-    """A user's own moving shape, and the same as of time 0 of the plant's clock."""
+    """A moving shape of a user's own class, and where it is at time 0 of the plant's clock."""
 
-    given: PlanarBarrier
+    given: PlanarBarrier  # as it was returned or set
     since: float  # the time from which it counts [s]
-    at_zero: Barrier
+    at_zero: Barrier  # the same shape, moved to its place at time 0
 
 
 class Placing:
-    """Since when the shapes of `count` plants count, on the clock of each plant.
+    """The times from which the shapes of `count` plants count, on the clock of each plant.
 
     Attributes:
         is_due: whether a plant has begun, or its clock went back, since scenes were placed last.
@@ -46,12 +47,12 @@ class Placing:
         self.is_due = True
 
     def forget(self, mask: Mask) -> None:
-        """Let all shapes of the masked plants (N,) count from their next time."""
+        """Let all shapes of the masked plants (N,) count from the plant's next time."""
         self._begins |= mask
         self.is_due = True
 
     def go_back(self, mask: Mask) -> None:
-        """Let no shape of the masked plants (N,) count from later than their next time."""
+        """Let no shape of the masked plants (N,) count from later than the plant's next time."""
         self._went_back |= mask
         self.is_due = True
 
@@ -59,9 +60,9 @@ class Placing:
         """Return the scenes as of time 0 of the plants' clocks.
 
         Args:
-            given: as it was returned or set.
+            given: the scenes as they were returned or set.
             now: (N,) the plants' times [s].
-            since: from when all of them count [s]; None as this module has it.
+            since: the time from which all shapes count [s]; None for the rule of this module.
         """
         if given.is_placed:
             since = 0.0
@@ -72,9 +73,9 @@ class Placing:
         return given if given.is_placed else self._moved(given)
 
     def as_of_zero(self, barriers: Sequence[Barrier]) -> list[Barrier]:
-        """Return the barriers of plant 0, which were placed last, as of time 0 of its clock."""
+        """Return barriers of plant 0 as of time 0 of its clock; `place` had them last."""
         return [
-            _elsewhere(one, -since * one.frame_velocity)
+            _moved_by(one, -since * one.frame_velocity)
             if isinstance(one, PlanarBarrier) and since and one.frame_velocity.any()
             else one
             for one, since in zip(barriers, self._since[0].tolist(), strict=True)
@@ -86,41 +87,41 @@ class Placing:
             return np.repeat(now[:, None], given.kind.shape[1], axis=1)
         before = self._since
         if self._went_back.any():
-            late = self._went_back[:, None] & (before > now[:, None])
-            before = np.where(late, now[:, None], before)
+            is_later = self._went_back[:, None] & (before > now[:, None])
+            before = np.where(is_later, now[:, None], before)
         source = self._sources(given, self._listed)
         source[self._begins] = _NEW
         return np.take_along_axis(np.hstack([before, now[:, None]]), source, axis=1)
 
-    def _sources(self, given: BarrierSet, were: list[Flat]) -> Integers:
-        """Return (N, m) at which place the same objects were before, `_NEW` for none."""
-        if given.listed is were:
-            return np.tile(np.arange(given.kind.shape[1]), (len(were), 1))
-        found = np.full(given.kind.shape, _NEW)
-        for i, (listed, before) in enumerate(zip(given.listed, were, strict=True)):
-            if i and listed is given.listed[i - 1] and before is were[i - 1]:
-                found[i] = found[i - 1]
+    def _sources(self, given: BarrierSet, previous: list[Flat]) -> Integers:
+        """Return (N, m) the place that the same object had before; `_NEW` for a new object."""
+        if given.listed is previous:
+            return np.tile(np.arange(given.kind.shape[1]), (len(previous), 1))
+        source = np.full(given.kind.shape, _NEW)
+        for i, (listed, before) in enumerate(zip(given.listed, previous, strict=True)):
+            if i and listed is given.listed[i - 1] and before is previous[i - 1]:
+                source[i] = source[i - 1]
                 continue
             if set(map(id, before)).isdisjoint(map(id, listed)):
                 continue
-            known = {id(one): place for one, place, _ in places_of(before)}
+            places = {id(one): place for one, place, _ in places_of(before)}
             for one, place, end in places_of(listed):
-                was = known.get(id(one))
+                was = places.get(id(one))
                 if was is not None:
-                    found[i, place:end] = np.arange(was, was + end - place)
-        return found
+                    source[i, place:end] = np.arange(was, was + end - place)
+        return source
 
     def _moved(self, given: BarrierSet) -> BarrierSet:
         """Return the set with its shapes as of time 0."""
         steps = -self._since[..., None] * given.parameters[..., _VELOCITY]
-        moved = given.is_region & (steps != 0.0).any(axis=2)
-        own = self._own(given)
-        if not own and not moved.any():
+        is_moved = given.is_region & (steps != 0.0).any(axis=2)
+        own = self._moved_own(given)
+        if not own and not is_moved.any():
             return given
         placed = copy(given)
         placed.parameters, placed.ends = given.parameters.copy(), given.ends + self._since
         for cls in SHAPES:
-            these = moved & (given.kind == cls.code)
+            these = is_moved & (given.kind == cls.code)
             if not these.any():
                 continue
             blocks = placed.parameters[these]
@@ -133,22 +134,25 @@ class Placing:
             )
         return placed
 
-    def _own(self, given: BarrierSet) -> dict[tuple[int, int], Barrier]:
-        """Return (scene, place) → a user's own shape that moves, as of time 0."""
+    def _moved_own(self, given: BarrierSet) -> dict[tuple[int, int], Barrier]:
+        """Return (scene, place) → a moving shape of a user's own class, as of time 0.
+
+        A shape that counts from the same time as before is the same object as before.
+        """
         before, self._own_shapes = self._own_shapes, {}
         for place, one in given.own.items():
             if not isinstance(one, PlanarBarrier) or not one.frame_velocity.any():
                 continue
             since = float(self._since[place])
-            known = before.get(place)
-            if known is None or known.given is not one or known.since != since:
-                at_zero = _elsewhere(one, -since * one.frame_velocity) if since else one
-                known = OwnShape(one, since, at_zero)
-            self._own_shapes[place] = known
+            shape = before.get(place)
+            if shape is None or shape.given is not one or shape.since != since:
+                at_zero = _moved_by(one, -since * one.frame_velocity) if since else one
+                shape = OwnShape(one, since, at_zero)
+            self._own_shapes[place] = shape
         shapes = self._own_shapes.items()
         return {place: one.at_zero for place, one in shapes if one.at_zero is not one.given}
 
 
-def _elsewhere(one: PlanarBarrier, step: Array) -> Barrier:
-    """Return a shape elsewhere; a user's own kind of shape is not asked to move itself."""
+def _moved_by(one: PlanarBarrier, step: Array) -> Barrier:
+    """Return a shape that is a step (2,) [m] away; a user's own class need not define that."""
     return one.moved(step) if type(one) in SHAPES else PlanarBarrier.moved(one, step)

@@ -1,6 +1,11 @@
-"""Rows of planar double integrators made apart from a filter, and those of users' own barriers."""
+"""CBF rows of planar double integrators, which users' own barriers have too.
+
+`planar_rows` makes all rows of N states apart from a filter. The compiled filter makes those of
+built-in shapes itself, and takes each row of a user's own barrier from `write_own_row`.
+"""
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +17,14 @@ from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.rows import ALPHA2_PSI, DIP, PSI, WIDTH, B, CbfRows, H, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.models.reduced_order import DoubleIntegrator
+
+
+class Reserved(NamedTuple):
+    """What a row reserves between h and zero: the margin m, in the unit of h, and its rates."""
+
+    margin: float  # m
+    rate: float  # ṁ [1/s]
+    quickening: float  # m̈ [1/s²]
 
 
 def planar_rows(
@@ -26,28 +39,28 @@ def planar_rows(
     """Return the rows of N states, each field with a leading axis N.
 
     Args:
-        scenes: their barriers.
+        scenes: N scenes of m barriers.
         x: (N, 4) positions [m] and velocities [m/s].
         t: (N,) times [s].
         settings: α₁, α₂, and whether u is held.
-        margin: (N, m) what each row reserves between h and zero; or one number [m] for strict rows
-            on the position, while a speed limit reserves its own.
-        margin_rate: (N, m) its rate of change, as far as it is known.
-        quickening: (N, m) the rate of that of rows on the position.
+        margin: (N, m) what each row reserves between h and zero. One number [m] is reserved by the
+            strict rows on the position, while a speed limit reserves its own margin.
+        margin_rate: (N, m) d margin/dt.
+        quickening: (N, m) d² margin/dt² of rows on the position.
     """
     shape = scenes.kind.shape
-    reserved = np.asarray(margin, dtype=np.float64)
-    if not reserved.ndim:
-        reserved = scenes.keeps_margin * reserved + scenes.own_margin
-    kept = np.empty((3, *shape))
-    kept[0], kept[1], kept[2] = reserved, margin_rate, quickening
-    a, out = np.empty((*shape, 2)), np.empty((4, *shape))
-    _core.planar_rows(scenes.kind, scenes.parameters, kept, x, t, settings.packed, a, out)
+    margins = np.asarray(margin, dtype=np.float64)
+    if not margins.ndim:
+        margins = scenes.keeps_margin * margins + scenes.own_margin
+    reserved = np.empty((3, *shape))  # as the fields of `Reserved`
+    reserved[0], reserved[1], reserved[2] = margins, margin_rate, quickening
+    a, columns = np.empty((*shape, 2)), np.empty((4, *shape))  # columns B, H, ALPHA2_PSI and PSI
+    _core.planar_rows(scenes.kind, scenes.parameters, reserved, x, t, settings.packed, a, columns)
     for (i, k), barrier in scenes.own.items():
-        row = np.zeros(WIDTH + 2)
-        write_own_row(barrier, x[i], float(t[i]), settings, kept[:, i, k].tolist(), row)
-        a[i, k], out[:, i, k] = row[WIDTH:], row[:4]  # as `B` …
-    return CbfRows(a, out[B], out[H], scenes.priority, out[ALPHA2_PSI])
+        row, of_row = np.zeros(WIDTH + 2), Reserved(*reserved[:, i, k].tolist())
+        write_own_row(barrier, x[i], float(t[i]), settings, of_row, row)
+        a[i, k], columns[:, i, k] = row[WIDTH:], row[:4]
+    return CbfRows(a, columns[B], columns[H], scenes.priority, columns[ALPHA2_PSI])
 
 
 def write_own_row(
@@ -55,78 +68,70 @@ def write_own_row(
     x: Array,
     t: float,
     settings: RowSettings,
-    reserved: tuple[float, float, float],
+    reserved: Reserved,
     out: Array,
     kinks: Kinks | None = None,
 ) -> None:
     """Write the row of a user's own barrier, which Python evaluates.
 
-    It is that of a held input where the settings hold it and the barrier has a core (see
-    `PlanarBarrier.core`). Else it is the usual one, which reserves ½ ū T² more of an input that is
-    held: by so much h may dip between two samples.
+    It is the row for a held input if the settings hold u and the barrier has a core (see
+    `PlanarBarrier.core`). If not, it is the row of one instant. With a held input that row reserves
+    ½ ū T² more, because h may dip by so much between two samples.
 
     Args:
         barrier: of any class.
         x: (4,) position [m] and velocity [m/s].
         t: time [s].
         settings: α₁, α₂, and whether u is held.
-        reserved: m between h and zero, its rate of change, and the rate of that.
-        out: (WIDTH + 2,) see `rows.MARGIN`; its margin is left as it is.
-        kinks: as `GeneralRows` takes it.
+        reserved: the margin of this row.
+        out: (WIDTH + 2,) the row, whose margin columns are left as they are; see `rows.MARGIN`.
+        kinks: evaluates derivatives at a kink; None for one that warns anew.
     """
-    out[DIP] = 0.0
-    if (
-        settings.held
-        and isinstance(barrier, PlanarBarrier)
-        and _write_held_row(barrier, x, t, settings.packed, reserved, out)
-    ):
+    out[DIP], packed, held = 0.0, settings.packed, settings.held
+    is_planar = isinstance(barrier, PlanarBarrier)
+    if held and is_planar and _write_held_row(barrier, x, t, packed, reserved, out):
         return
-    margin, margin_rate, quickening = reserved
-    dip = _core.row_half_step(settings.packed) if settings.held and barrier.reads_position else 0.0
-    row = usual(settings)([barrier], x, t, np.array([margin + dip]), margin_rate, kinks)
+    dip = _core.row_half_step(packed) if held and barrier.reads_position else 0.0
+    row = instant_rows(settings)([barrier], x, t, [reserved.margin + dip], reserved.rate, kinks)
     assert row.alpha2_psi is not None
     h, alpha2_psi = float(row.h[0]), float(row.alpha2_psi[0])
-    kept = h - margin
-    psi = settings.alpha2.inverse(alpha2_psi) + settings.alpha1(kept) - settings.alpha1(kept - dip)
+    net = h - reserved.margin
+    psi = settings.alpha2.inverse(alpha2_psi) + settings.alpha1(net) - settings.alpha1(net - dip)
     out[WIDTH:], out[DIP] = row.a[0], dip
-    out[[B, H, ALPHA2_PSI, PSI]] = float(row.b[0]) + quickening, h, alpha2_psi, psi
+    out[[B, H, ALPHA2_PSI, PSI]] = float(row.b[0]) + reserved.quickening, h, alpha2_psi, psi
 
 
 def _write_held_row(
-    barrier: PlanarBarrier,
-    x: Array,
-    t: float,
-    packed: Array,
-    reserved: tuple[float, float, float],
-    out: Array,
+    barrier: PlanarBarrier, x: Array, t: float, packed: Array, reserved: Reserved, out: Array
 ) -> bool:
-    """Write the row for a held input, and return whether there is one: the barrier has a core."""
+    """Write the row for a held input; return False if the barrier has no core or is at a kink."""
     w = barrier.frame_velocity
-    q, r = x[:2] - w * t, x[2:] - w
-    speed = float(np.linalg.norm(r))
+    q, v = x[:2] - w * t, x[2:] - w  # position and velocity in the barrier's frame
+    speed = float(np.linalg.norm(v))
     core = barrier.core(q, _core.row_reach(speed, packed))
     if core is None:
         return False
-    margin, margin_rate, quickening = reserved
     h, gradient, hessian = barrier.planar_jet(q)
     if not np.isfinite(np.sum(gradient) + np.sum(hessian)):
-        return False  # a kink, which the usual row looks beside
-    bending = core.distance * float(r @ hessian @ r) if core.is_point else 0.0
-    kept = float(h) - margin - _core.row_beside_core(float(core.radius), packed)
-    rate = float(gradient @ r) - margin_rate
+        return False
+    net = float(h) - reserved.margin - _core.row_beside_core(float(core.radius), packed)
+    rate = float(gradient @ v) - reserved.rate
+    bending = core.distance * float(v @ hessian @ v) if core.is_point else 0.0
     turn, distance = float(np.sqrt(max(0.0, bending))), float(core.distance)
-    b, alpha2_psi, psi, lost = _core.held_row(kept, rate, quickening, speed, turn, distance, packed)
-    if psi < 0.0:
+    b, alpha2_psi, psi, loss = _core.held_row(
+        net, rate, reserved.quickening, speed, turn, distance, packed
+    )
+    if psi < 0.0:  # too late for α₂: request at least what still stops at the margin, if U can
         most = _core.row_support(packed, float(gradient[0]), float(gradient[1]))
-        b = max(b, _core.row_late(kept, rate, lost, most))
+        b = max(b, _core.row_late(net, rate, loss, most))
     out[WIDTH:] = gradient
     out[[B, H, ALPHA2_PSI, PSI]] = b, float(h), alpha2_psi, psi
     return True
 
 
 @cache
-def usual(settings: RowSettings) -> GeneralRows:
-    """Return what makes the rows of one instant."""
+def instant_rows(settings: RowSettings) -> GeneralRows:
+    """Return the maker of rows that hold at a sample alone, not between two samples."""
     packed = settings.packed
     return GeneralRows(
         DoubleIntegrator(),

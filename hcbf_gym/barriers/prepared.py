@@ -1,4 +1,4 @@
-"""The barriers of N scenes of any model, with what stays the same from state to state."""
+"""Scenes of any model, prepared once so that their rows can be made at many states."""
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
@@ -21,15 +21,17 @@ Conditions = tuple[Barrier, ...]
 
 
 class Prepared(NamedTuple):
-    """The barriers of N scenes, with what stays the same from state to state."""
+    """The barriers of N scenes, and all that does not depend on the state."""
 
-    scenes: BarrierSet  # whose `priority` is 0 where there is no row
-    kind: Integers  # (N, m) as `layout` has it, or `ELSEWHERE` of functions
+    scenes: BarrierSet  # `priority` is 0 where a shorter scene has no row
+    kind: Integers  # (N, m) as in `layout`; `ELSEWHERE` for functions
     degree: Integers  # (N, m) the derivative of h that an input enters first
     groups: list[Group]  # the functions among the barriers
-    custom: list[Entry]  # the barriers of users' own classes
-    reaches: list[list[Reach]]  # of the barriers of each scene; one list where all scenes are one
-    turns: bool  # whether a barrier that is no function has degree 2
+    custom: list[Entry]  # the barriers of users' own classes, which have a `jet`
+    reaches: list[
+        list[Reach]
+    ]  # for each scene, of its barriers; one list if all scenes are the same
+    turns: bool  # whether a barrier that is no function has degree 2, so that ∂f/∂x is needed
 
     @property
     def built_in(self) -> tuple[Integers, Array, Integers]:
@@ -38,7 +40,7 @@ class Prepared(NamedTuple):
 
     @property
     def entries(self) -> list[Entry]:
-        """The barriers of users' own classes, and then the functions."""
+        """All barriers that Python evaluates: those of users' own classes, then the functions."""
         listed: Any = self.scenes.listed
         functions = [
             Entry(int(i), int(k), listed[i][k])
@@ -49,11 +51,11 @@ class Prepared(NamedTuple):
         return self.custom + functions
 
     def margins(self, margin: float) -> Array:
-        """Return (N, m) what each row reserves between h and zero."""
+        """Return the margins (N, m): a barrier's own; `margin` of strict ones on the position."""
         return self.scenes.own_margin + margin * self.scenes.keeps_margin
 
     def is_of(self, scenes: Sequence[Conditions]) -> bool:
-        """Return whether scenes hold these very barriers."""
+        """Return whether scenes hold the same barrier objects as these."""
         listed = self.scenes.listed
         return len(listed) == len(scenes) and all(map(are_same, listed, scenes))
 
@@ -61,29 +63,30 @@ class Prepared(NamedTuple):
 def prepared(
     scenes: BarrierSet, functions: FunctionCache, reach: Callable[[Barrier], Reach]
 ) -> Prepared:
-    """Return N scenes prepared; `reach` raises an InvalidInputError where no input reaches one.
+    """Prepare N scenes.
 
     Args:
-        scenes: of N plants.
-        functions: which compiles the rows of functions.
-        reach: how inputs reach a barrier that is no function.
+        scenes: the scenes of N plants.
+        functions: compiles the rows of functions.
+        reach: returns how inputs reach a barrier that is no function, and raises an
+            InvalidInputError if none does.
     """
     listed: Any = scenes.listed
     distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
     groups = functions.groups(listed)
-    of_functions = {
+    function_reaches = {
         (int(i), int(k)): one
         for group in groups
         for i in group.scenes[: len(distinct)]
         for k, one in zip(group.places, group.kernel.reaches, strict=True)
     }
     reaches = [
-        [of_functions.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
+        [function_reaches.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
         for i, scene in enumerate(distinct)
     ]
     kind, degree = scenes.kind.copy(), np.zeros_like(scenes.kind)
-    for row, of_scene in zip(degree, reaches, strict=False):
-        row[: len(of_scene)] = [one.degree for one in of_scene]
+    for row, scene_reaches in zip(degree, reaches, strict=False):
+        row[: len(scene_reaches)] = [one.degree for one in scene_reaches]
     degree[len(distinct) :] = degree[:1]
     custom = []
     for (i, k), barrier in sorted(scenes.own.items(), key=itemgetter(0)):

@@ -5,7 +5,7 @@ The relative degree r is the least number of times that h must be differentiated
 flat. Where it differs from 0 at some of them alone, h has no one relative degree, and is refused.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,13 @@ class Reach(NamedTuple):
     inputs: Mask  # (n_u,) which inputs enter that derivative: those of the row
     reads: Mask  # (n,) which states h depends on
     size: float  # the largest |L_g ψ_{r−1}| at a state, the median over sampled states
+
+
+class ReachedBarriers(NamedTuple):
+    """Barriers, and how inputs reach each of them."""
+
+    barriers: Sequence[Barrier]
+    reaches: Sequence[Reach]
 
 
 def samples(model: ReducedOrderModel) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""What rows of any h reserve for the uncertainty of N plants of any model."""
+"""Margins that rows of any h and any model reserve for uncertain states (`model_margins.hpp`)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.input_sets import InputSet
@@ -16,31 +17,38 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 
 class Entry(NamedTuple):
-    """A barrier that is no built-in shape, so that Python evaluates it, and its row."""
+    """A barrier that Python evaluates, as it is no built-in shape, and where its row is."""
 
-    scene: int  # of N
-    place: int  # of m
+    scene: int  # index of its scene among N
+    place: int  # index of its row among m
     barrier: Barrier
 
 
-class Known(NamedTuple):
-    """The states of N plants, with what is uncertain of them."""
+class UncertainStates(NamedTuple):
+    """The estimated states of N plants and their uncertainty."""
 
     x: Array  # (N, n) as the rows read it
     time: Array  # (N,) [s]
     model: Array  # (N, n) the reduced-order model's own state
-    lag: Array  # (N, n) the body's minus the model's
+    lag: Array  # (N, n) the body's state minus the model's
     covariance: Array  # (N, n, n) P of x
 
 
+class Slopes(NamedTuple):
+    """Derivatives of m barriers at N uncertain states."""
+
+    gradient: Array  # (N, m, n) ∇h
+    loss: Array  # (N, m) by how much h may fall in second order, within the uncertainty [unit of h]
+
+
 class Reserve:
-    """What the rows of N plants of one model reserve.
+    """Derives the margins of the rows of N plants of one model.
 
     Args:
         model: ẋ = f(x) + g(x)u.
         input_set: U.
         uncertainty: what the rows reserve, `fixed` included in its distance.
-        fixed: the part of it that is in the unit of h: against dips, or given by hand.
+        fixed: the part of that distance in the unit of h: against dips, or given by hand.
         period: T [s]; None where it is not known.
     """
 
@@ -59,69 +67,69 @@ class Reserve:
 
     def write(
         self,
-        scene: tuple[Integers, Array],
-        least: Array,
+        scenes: BarrierSet,
         entries: Sequence[Entry],
-        known: Known,
+        states: UncertainStates,
         growth: Array,
         out: Array,
     ) -> None:
-        """Write into rows (N, m, WIDTH + n_u), from `rows.MARGIN` to `FAST`, what they reserve.
+        """Write the margin columns of rows, from `rows.MARGIN` to `rows.FAST`.
 
         Args:
-            scene: kind (N, m) and parameters (N, m, WIDTH).
-            least: (N, m) what a row reserves itself.
-            entries: those that are no built-in shapes; none where nothing of them is reserved.
-            known: of the plants.
-            growth: (N,) of the drift's covariance until the next sample.
-            out: the rows.
+            scenes: of the N plants, m barriers in each.
+            entries: the barriers for whose ∇h a margin is reserved; none where none is.
+            states: of the plants.
+            growth: (N,) of the covariance of the velocity until the next sample [m²/s²].
+            out: (N, m, WIDTH + n_u) the rows.
         """
-        of_inputs, settings = largest(self._input_set), np.array(self.settings)
-        of = _core.Reserve(compiled(self._model), settings, of_inputs, self._period, len(least))
-        sloping = slopes(entries, known, self.settings.confidence, least.shape[1])
-        of.write(*known, growth, *scene, least, *sloping, self._model.n_p, out)
+        count, m = scenes.kind.shape
+        sizes, settings = largest_inputs(self._input_set), np.array(self.settings)
+        core = _core.Reserve(compiled(self._model), settings, sizes, self._period, count)
+        slopes = slopes_of(entries, states, self.settings.confidence, m)
+        barriers = scenes.kind, scenes.parameters, scenes.own_margin + self.fixed
+        core.write(*states, growth, *barriers, *slopes, self._model.n_p, out)
 
 
-def largest(input_set: InputSet) -> Array:
+def largest_inputs(input_set: InputSet) -> Array:
     """Return (n_u,) the largest size of each input in U."""
     axes = np.eye(input_set.n_u)
     return np.array([max(input_set.support(one), input_set.support(-one)) for one in axes])
 
 
-def slopes(
-    entries: Sequence[Entry], known: Known, confidence: float, m: int
-) -> tuple[Array, Array]:
-    """Return ∇h (N, m, n) and what h may lose in second order (N, m); NaN of unreadable entries.
+def slopes_of(
+    entries: Sequence[Entry], states: UncertainStates, confidence: float, m: int
+) -> Slopes:
+    """Return the slopes of barriers that Python evaluates; ∇h is NaN where one is unreadable.
 
     Args:
-        entries: the barriers that are no built-in shapes.
-        known: of the plants.
-        confidence: κ.
-        m: how many places a scene has.
+        entries: these barriers.
+        states: of the N plants.
+        confidence: κ, how many standard deviations are reserved.
+        m: the number of rows of a scene.
     """
-    x, time = known.x, known.time
-    gradient, bend = np.zeros((len(x), m, x.shape[1])), np.zeros((len(x), m))
+    x, time = states.x, states.time
+    gradient, loss = np.zeros((len(x), m, x.shape[1])), np.zeros((len(x), m))
     if not entries:
-        return gradient, bend
-    off = x - (known.model + known.lag)
-    values, vectors = np.linalg.eigh(known.covariance)
+        return Slopes(gradient, loss)
+    error = x - (states.model + states.lag)
+    values, vectors = np.linalg.eigh(states.covariance)
     root = confidence * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
-    together: dict[tuple[int, int], list[Entry]] = {}
+    shared: dict[tuple[int, int], list[Entry]] = {}
     for entry in entries:
-        together.setdefault((entry.place, id(entry.barrier)), []).append(entry)
-    for alike in together.values():
-        k, barrier, scenes = alike[0].place, alike[0].barrier, [one.scene for one in alike]
+        shared.setdefault((entry.place, id(entry.barrier)), []).append(entry)
+    for sharing in shared.values():
+        k, barrier, scenes = sharing[0].place, sharing[0].barrier, [one.scene for one in sharing]
         try:
             if len(scenes) == 1:
-                one = barrier.jet(x[scenes[0]], float(time[scenes[0]]))
-                gradient[scenes, k], hessian = one.gradient, np.asarray(one.hessian)[None]
+                jet = barrier.jet(x[scenes[0]], float(time[scenes[0]]))
+                gradient[scenes, k], hessian = jet.gradient, np.asarray(jet.hessian)[None]
             else:
                 jets = barrier.batch(x[scenes], time[scenes])
                 gradient[scenes, k], hessian = jets.gradient, np.asarray(jets.hessian)
-            of_spread = root[scenes] @ hessian @ np.swapaxes(root[scenes], 1, 2)
-            least = np.linalg.eigvalsh(of_spread)[:, 0]
-            of_off = (off[scenes, None] @ hessian @ off[scenes][..., None])[:, 0, 0]
-            bend[scenes, k] = -0.5 * (np.minimum(least, 0.0) + np.minimum(of_off, 0.0))
+            spread = root[scenes] @ hessian @ np.swapaxes(root[scenes], 1, 2)
+            by_spread = np.linalg.eigvalsh(spread)[:, 0]
+            by_error = (error[scenes, None] @ hessian @ error[scenes][..., None])[:, 0, 0]
+            loss[scenes, k] = -0.5 * (np.minimum(by_spread, 0.0) + np.minimum(by_error, 0.0))
         except UNREADABLE:
             gradient[scenes, k] = np.nan
-    return gradient, bend
+    return Slopes(gradient, loss)

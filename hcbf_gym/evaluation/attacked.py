@@ -1,4 +1,4 @@
-"""One attacked episode, and whether rank 1 was entered in it."""
+"""One attacked episode, and what it showed of rank 1, by the true state."""
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,23 +21,24 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 
 CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
-"""The 95 % band of the NEES of position and velocity at one instant."""
+"""The 95 % band of the normalised estimation error squared (NEES) eᵀP⁻¹e of one instant, where e
+is the error of position and velocity and P the estimator's covariance of it."""
 
 
 @dataclass(frozen=True)
 class AttackedEpisode:
-    """What to run."""
+    """An episode of an environment of this package, which an attack or a policy drives."""
 
-    attack: str  # what `attacks.make` takes, or a policy as `policies.make` takes it
-    scenario: Any  # its name, or a scene as a dict
-    seed: int  # of the environment and the attack
+    attack: str  # the name of an attack as in `attacks.make`, or of a policy as in `policies.make`
+    scenario: Any  # a name, or a scene as a dict
+    seed: int  # of the environment and of the attack
     env: str = "HCBF-A1Regions-v0"  # the id of an environment of this package
     env_options: Mapping[str, Any] | None = None  # further arguments of the environment
     filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
-    parameters: tuple[float, ...] | None = None  # of an attack that has some
+    parameters: tuple[float, ...] | None = None  # of the attack; None takes its own
     # a wrapper between the filter and the environment; None for none
     inside: Callable[[gym.Env], gym.Env] | None = None
-    uncertainty: Uncertainty | None = None  # what rows reserve; None is the plant's own
+    uncertainty: Uncertainty | None = None  # the rows' margins; None takes the plant's own
 
     def run(self) -> "Outcome":
         """Run the episode to its end."""
@@ -52,22 +53,22 @@ class AttackedEpisode:
             options["plant"] = reserving(plant, self.uncertainty)
         env = wrappers.SafetyFilter(env, **options)
         try:
-            with warnings.catch_warnings(record=True) as raised:
+            with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                outcome = self._judged(env)
-            warned = any("does not apply" in str(one.message) for one in raised)
+                outcome = self._run_filtered(env)
+            warned = any("does not apply" in str(warning.message) for warning in caught)
             return replace(outcome, warned=warned)
         finally:
             env.close()
 
-    def _judged(self, env: gym.Env) -> "Outcome":
-        """Run the episode in a filtered environment, with what its estimator and its body did."""
+    def _run_filtered(self, env: gym.Env) -> "Outcome":
+        """Run the episode; watch the estimator's errors and the reach of the body, too."""
         inner: Any = env.unwrapped
         act = policy_of(self.attack, env, self.seed, self.parameters)
-        errors: list[tuple[float, float]] = []
+        errors: list[EstimationError] = []
         reaches = [0.0]
 
-        def observed() -> Iterator[Sample]:
+        def watched_samples() -> Iterator[Sample]:
             footprint = None
             for sample in samples(env, act, self.seed):
                 if sample.action is None:
@@ -75,19 +76,22 @@ class AttackedEpisode:
                         footprint = Footprint(inner.model, inner.model.body(1).name)
                 else:
                     if inner.estimate.covariance is not None:
-                        errors.append(_error(inner))
+                        errors.append(_estimation_error(inner))
                     if footprint is not None:
                         reaches.append(footprint.reach(inner.data))
                 yield sample
 
-        outcome = judge(observed(), truth_of(inner), inner.plant.model, inner.plant.input_set)
+        plant = inner.plant
+        outcome = judge(watched_samples(), truth_of(inner), plant.model, plant.input_set)
         return replace(outcome, reach=max(reaches), **_consistency(errors))
 
 
 def policy_of(
     name: str, env: gym.Env, seed: int, parameters: tuple[float, ...] | None = None
 ) -> Act:
-    """Return (observation, info) → u* (2,) [m/s²] of a policy or of an attack on the truth.
+    """Return (observation, info) → u* (2,) [m/s²], of a policy or of an attack.
+
+    An attack observes the true state.
 
     Raises:
         UnknownNameError: if there is neither an attack nor a policy of that name.
@@ -100,45 +104,45 @@ def policy_of(
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one episode showed; every h is the truth's, at every physics step that is reported."""
+    """What one episode showed. Each h is of the true state, the least over all physics steps."""
 
     least_h: float  # least h of the strict barriers on the position [m, or the unit of h]
     least_speed_h: float = np.inf  # of the strict speed limit [m/s]; infinite where there is none
     least_second_h: float = np.inf  # of the barriers of priority 2 [m]
-    # of the strict barriers for the robot's body [m]; infinite for a point
+    # of the strict barriers for the robot's whole body [m]; infinite for a point
     least_body_h: float = np.inf
     first_h: float = np.inf  # least h of the strict barriers on the position at the reset [m]
-    fell: bool = False  # whether the robot fell, as far as its environment reports it
-    reached: bool = False  # whether it reached the goal, in the same sense
-    seconds: float = 0.0  # how long it took [s]
-    steps: int = 0  # how many it took
+    fell: bool = False  # whether the robot fell, if its environment reports it
+    reached: bool = False  # whether the robot reached the goal, if its environment reports it
+    seconds: float = 0.0  # the episode's duration [s]
+    steps: int = 0  # the number of its control steps
     qp_failures: int = 0  # task-space QPs without a solution
     status_counts: Sequence[int] = ()  # steps in each `FilterStatus`
-    median_margin: float = 0.0  # of the largest margin of a strict row on the position [m]
-    changed: bool = False  # whether the filter changed u
-    pressed: bool = False  # whether the filter had to change an input that would have entered
-    alarm: int = 0  # the `Reason` that stood at the end, where it is an alarm; 0 for none
+    median_margin: float = 0.0  # over steps, of the largest margin of a strict position row [m]
+    changed: bool = False  # whether the filter changed an input
+    pressed: bool = False  # whether it changed one that would have led into a strict region
+    alarm: int = 0  # the `Reason` at the end, if it is an alarm; 0 for none
     warned: bool = False  # whether the filter warned that the environment does not apply its input
     reach: float = 0.0  # the greatest horizontal distance of the body from the trunk's centre [m]
     # root mean square of the estimated position's error [m]; None where the state is known
     position_error: float | None = None
-    # mean of eᵀP⁻¹e of position and velocity; 4 of an estimator that knows its errors
-    nees: float | None = None
-    nees_inside: float | None = None  # share of the instants at which it lies in its 95 % band
+    nees: float | None = None  # the mean NEES; 4 for an estimator of the right covariance
+    nees_inside: float | None = None  # share of the instants at which the NEES is in `CONSISTENT`
 
 
 class Truth(NamedTuple):
-    """A plant and its ranked conditions at one sample, as they are."""
+    """The true state of a plant with m ranked conditions at one sample.
+
+    Each h is the least since the sample before, if that is reported; infinite for no condition.
+    """
 
     x: Array  # (n,) the state
     time: float  # [s]
-    # least h of the strict conditions on the position since the sample before, where less is
-    # reported than now holds
-    h: float
-    speed_h: float  # of the other strict conditions; infinite where there are none
-    second_h: float  # of those of priority 2, or infinite
-    position: Mask  # (m,) which conditions are strict and read the position
-    along: vacuity.Strict  # (x (j, n), t (j,)) → (j, k) the h's of those elsewhere
+    h: float  # least h of the strict conditions on the position
+    speed_h: float  # least h of the other strict conditions
+    second_h: float  # least h of the conditions of priority 2
+    position: Mask  # (m,) the conditions that are strict and read the position
+    along: vacuity.Strict  # (x (j, n), t (j,)) → (j, k) h of these at other states
 
 
 def truth(
@@ -149,10 +153,10 @@ def truth(
     Args:
         x: (n,) the state.
         time: [s].
-        h: (m,) of each condition, the least since the sample before where that is reported.
+        h: (m,) of each condition, the least since the sample before if that is reported.
         rank: (m,) of the conditions.
-        reads_position: (m,) which of them do.
-        along: (x (j, n), t (j,)) → (j, m) the h's elsewhere.
+        reads_position: (m,) the conditions that read the position.
+        along: (x (j, n), t (j,)) → (j, m) h of all conditions at other states.
     """
     strict, second = rank == 1, rank == 2
     position = strict & reads_position
@@ -163,41 +167,41 @@ def truth(
 
 
 def truth_of(env: Any) -> Callable[[Sample], Truth]:
-    """Return what reads the truth of an environment of this package, unwrapped."""
+    """Return a function that reads the truth of an unwrapped environment of this package."""
 
-    def look(sample: Sample) -> Truth:
+    def read(sample: Sample) -> Truth:
         x, time, scene = env.truth, float(env.time), env.barrier_set
         h = np.minimum(sample.info["min_h"], scene.values(x[None], np.array([time]))[0])
         rank = np.array([b.priority for b in env.barriers])
         reads = np.array([b.reads_position for b in env.barriers])
         return truth(x, time, h, rank, reads, scene.along)
 
-    return look
+    return read
 
 
 def judge(
     observed: Iterable[Sample],
-    look: Callable[[Sample], Truth],
+    read_truth: Callable[[Sample], Truth],
     model: ReducedOrderModel,
     input_set: InputSet,
 ) -> Outcome:
-    """Return what the truth and the filter's reports show of an episode.
+    """Return the outcome of an episode, from the truth and the filter's reports.
 
     Args:
-        observed: its samples, from the reset on.
-        look: reads the truth behind the newest sample.
+        observed: the episode's samples, from the reset on.
+        read_truth: returns the truth behind the newest sample.
         model: of the plant.
         input_set: U.
     """
     following = iter(observed)
     sample = next(following)
-    now = look(sample)
+    now = read_truth(sample)
     first_h, body = now.h, _body_h(sample, now)
     least = np.array([now.h, now.speed_h, now.second_h, body])
     counts = np.zeros(len(FilterStatus), dtype=np.int64)
     margins, changed, pressed = [], False, False
     for sample in following:
-        before, now = now, look(sample)
+        before, now = now, read_truth(sample)
         report = sample.info["safety_filter"]
         least = np.minimum(least, [now.h, now.speed_h, now.second_h, _body_h(sample, now)])
         counts[int(report["status"])] += 1
@@ -234,7 +238,7 @@ def _body_h(sample: Sample, now: Truth) -> float:
 
 
 def reserving(plant: Plant, uncertainty: Uncertainty) -> Plant:
-    """Return a plant whose rows reserve other margins, but for its body's."""
+    """Return the plant with another uncertainty, but with the same extent of the body."""
     return replace(plant, uncertainty=uncertainty._replace(body=plant.uncertainty.body))
 
 
@@ -244,16 +248,23 @@ def alarm_of(info: Info) -> int:
     return reason if FIRST_ALARM <= reason != Reason.UNVERIFIED else 0
 
 
-def _error(env: Any) -> tuple[float, float]:
-    """Return the squared error of an estimated position [m²], and the NEES."""
+class EstimationError(NamedTuple):
+    """The error of an estimated state at one instant."""
+
+    position_squared: float  # [m²]
+    nees: float  # of position and velocity
+
+
+def _estimation_error(env: Any) -> EstimationError:
+    """Return the error of an environment's estimate of its body's state."""
     estimate = env.estimate
-    error = estimate.model + estimate.lag - env.truth  # the body's estimate beside the body
+    error = estimate.model + estimate.lag - env.truth
     nees = error @ np.linalg.solve(estimate.covariance, error)
-    return float(error[:2] @ error[:2]), float(nees)
+    return EstimationError(float(error[:2] @ error[:2]), float(nees))
 
 
-def _consistency(errors: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """Return the fields of an outcome about an estimator; none where there was none."""
+def _consistency(errors: Sequence[EstimationError]) -> dict[str, Any]:
+    """Return the fields of an outcome about an estimator; none if there is no estimator."""
     if not errors:
         return {}
     position, nees = np.array(errors).T

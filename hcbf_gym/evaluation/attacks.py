@@ -1,7 +1,7 @@
-"""Policies that try to push the robot into a strict region with the full input.
+"""Hostile policies, which try to push the robot into a strict region with the full input.
 
-One of your own is an `Attack`, or any function s → u*, named ``module:name`` or ``file.py:name``
-wherever an attack is named; so every process finds it.
+Your own one is an `Attack`, or any function s → u*. It is named ``module:name`` or
+``file.py:name`` wherever an attack is named, so that every process finds it.
 
 >>> class Spiral(Attack):
 ...     def act(self, s: Surroundings) -> Array:
@@ -28,24 +28,24 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, choose, finite_array
 from hcbf_gym.locomotion.gait import GAITS
 
-FULL = 5.0  # the limit of each input [m/s²]; the filter cuts what its own U does not hold
-BEYOND = 1.0  # how much farther than the nearest piece of a map the others are seen [m]
-STREAM = 42  # sets an attacker's draws apart from those of the scene that the same seed decides
+FULL = 5.0  # the limit of each input [m/s²]; the filter projects inputs that its U does not hold
+BEYOND = 1.0  # how much farther than the nearest piece of a map the observed others are [m]
+STREAM = 42  # makes an attack's random numbers differ from those of a scene of the same seed
 GAIT_PERIOD = GAITS["trot"].period
-"""Of the default trot [s]; the attack in step with the gait reverses with it."""
+"""The period of the default trot [s], with which `GaitPhase` reverses."""
 
 
 class View(Protocol):
-    """What an attacker sees of any plant: the truth."""
+    """What an attack observes of a plant of any model: the true state."""
 
     @property
     def time(self) -> float:
-        """Since the reset [s]."""
+        """Time since the reset [s]."""
         ...
 
     @property
     def corners(self) -> Array:
-        """(k, n_u) corners of U."""
+        """(k, n_u) the corners of U."""
         ...
 
     def corner(self, rng: np.random.Generator) -> Array:
@@ -58,50 +58,50 @@ class View(Protocol):
         """Return the input (n_u,) that lowers ``nearest·h₁ + second·h₂`` the most.
 
         Args:
-            nearest: weight of the least strict h; a negative one moves away.
-            second: weight of the second least.
-            sideways: weight of a chase along the edge, where the plant moves in a plane.
-            speed: that is chased there, to the left of the direction to the nearest [m/s].
+            nearest: weight of the least strict h, h₁; a negative one moves away.
+            second: weight of the second least, h₂.
+            sideways: weight of a motion along the edge, if the plant moves in a plane.
+            speed: of that motion, positive to the left of the region's outward normal [m/s].
         """
         ...
 
 
 @dataclass
 class Surroundings:
-    """What an attacker sees of a robot that moves in the plane like a double integrator."""
+    """What an attack observes of a robot that moves in the plane like a double integrator."""
 
     position: Array  # (2,) of the trunk [m]
     velocity: Array  # (2,) of the trunk [m/s]
-    h: Array  # (k,) of the strict barriers on the position, nearest first [m]; at least one
-    normal: Array  # (k, 2) their unit gradients, away from the regions
-    time: float  # [s]
+    h: Array  # (k,) of the strict barriers on the position, nearest first [m]; k ≥ 1
+    normal: Array  # (k, 2) the unit gradients of h, which point away from the regions
+    time: float  # since the reset [s]
 
     @property
     def second(self) -> Array:
-        """(2,) the second nearest's unit gradient; zero where there is but one barrier."""
+        """(2,) the unit gradient of the second nearest barrier; zero if there is only one."""
         return self.normal[1] if len(self.normal) > 1 else np.zeros(2)
 
     @property
     def corners(self) -> Array:
-        """(4, 2) corners of the box |u_i| ≤ `FULL`."""
+        """(4, 2) the corners of the box |u_i| ≤ `FULL` [m/s²]."""
         return FULL * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 
     def corner(self, rng: np.random.Generator) -> Array:
-        """Return a random corner (2,)."""
+        """Return a random corner (2,) [m/s²]."""
         return rng.choice([-FULL, FULL], 2)
 
     def push(
         self, nearest: float, second: float = 0.0, sideways: float = 0.0, speed: float = 0.0
     ) -> Array:
-        """Return the full input (2,) into the regions, see `View.push`."""
-        press = -(nearest * self.normal[0] + second * self.second)
+        """Return the full input (2,) into the regions [m/s²]; see `View.push`."""
+        inwards = -(nearest * self.normal[0] + second * self.second)
         along = _left(self.normal[0])
-        chase = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
-        return full(press + 3.0 * sideways * chase * along)
+        faster = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
+        return full(inwards + 3.0 * sideways * faster * along)
 
 
 def observe(env: Any) -> Surroundings:
-    """Return what an attacker sees of an environment of this package.
+    """Return what an attack observes of an environment of this package.
 
     Raises:
         InvalidInputError: if no strict barrier of its scene reads the position.
@@ -111,21 +111,21 @@ def observe(env: Any) -> Surroundings:
     h, sensed = inner.barrier_set.sense(x, t)
     strict = np.flatnonzero(inner.barrier_set.keeps_margin[0] > 0.0)
     maps = inner.barrier_set.atlas.held
-    alone = [k for k in strict if (0, k) not in maps]
-    seen = [(h[0, alone], sensed[0, alone, 1:3])]
-    seen += [maps[0, k].near(x[0], BEYOND) for k in strict if (0, k) in maps]
-    near, normal = (np.concatenate(part) for part in zip(*seen, strict=True))
-    if not near.size:
+    shapes = [k for k in strict if (0, k) not in maps]
+    observed = [(h[0, shapes], sensed[0, shapes, 1:3])]
+    observed += [maps[0, k].near(x[0], BEYOND) for k in strict if (0, k) in maps]
+    distance, normal = (np.concatenate(part) for part in zip(*observed, strict=True))
+    if not distance.size:
         raise InvalidInputError(
             f"attack: scene {inner.scenario.name!r} has no strict barrier on the position, "
             "expected at least one"
         )
-    order = np.argsort(near, kind="stable")
-    return Surroundings(x[0, :2], x[0, 2:], near[order], normal[order], float(inner.time))
+    order = np.argsort(distance, kind="stable")
+    return Surroundings(x[0, :2], x[0, 2:], distance[order], normal[order], float(inner.time))
 
 
 def full(direction: Array) -> Array:
-    """Return the greatest input of the box |u_i| ≤ `FULL` along a direction (2,)."""
+    """Return the greatest input (2,) of the box |u_i| ≤ `FULL` along a direction (2,) [m/s²]."""
     size = np.abs(direction).max()
     return direction * (FULL / size) if size > 1e-9 else np.zeros(2)
 
@@ -136,39 +136,39 @@ def _left(normal: Array) -> Array:
 
 @dataclass
 class Attack:
-    """One hostile policy, s → u*; `rng` decides what is random about it."""
+    """A hostile policy s → u*."""
 
-    rng: np.random.Generator
-    until: float = field(default=-1.0, init=False)
-    choice: Any = field(default=None, init=False)
+    rng: np.random.Generator  # the source of its random choices
+    until: float = field(default=-1.0, init=False)  # how long the present choice is held [s]
+    choice: Any = field(default=None, init=False)  # the present random choice
 
     def act(self, s: Any) -> Array:
-        """Return u* (n_u,) given a `View`; in the plane, [m/s²] given `Surroundings`."""
+        """Return u* (n_u,) for a `View`, or (2,) [m/s²] for the `Surroundings` in a plane."""
         raise NotImplementedError
 
     def draw(self, s: View, low: float, high: float, pick: Callable[[], Any]) -> Any:
-        """Return a choice that is held for a random time between `low` and `high` [s]."""
+        """Return a choice of `pick`, which is held for a random time from `low` to `high` [s]."""
         if s.time >= self.until:
             self.until, self.choice = s.time + self.rng.uniform(low, high), pick()
         return self.choice
 
 
 class Nearest(Attack):
-    """Straight at the nearest strict region."""
+    """Drives straight at the nearest strict region."""
 
     def act(self, s: View) -> Array:
         return s.push(1.0)
 
 
 class BangBang(Attack):
-    """Corners of U, each held .1 to .5 s."""
+    """Takes random corners of U, and holds each for 0.1 to 0.5 s."""
 
     def act(self, s: View) -> Array:
         return self.draw(s, 0.1, 0.5, lambda: s.corner(self.rng))
 
 
 class Wandering(Attack):
-    """A friendly one: random mixtures of the corners of U, each held .2 to 1 s."""
+    """Takes random mixtures of the corners of U, and holds each for 0.2 to 1 s; not hostile."""
 
     def act(self, s: View) -> Array:
         ones = np.ones(len(s.corners))
@@ -176,7 +176,7 @@ class Wandering(Attack):
 
 
 class Rotating(Attack):
-    """The full input, turning once in two seconds."""
+    """Turns the full input, once in two seconds."""
 
     def act(self, s: Surroundings) -> Array:
         angle = np.pi * s.time
@@ -184,24 +184,24 @@ class Rotating(Attack):
 
 
 class Corner(Attack):
-    """Into the corner of the two nearest strict rows: down h₁ + .9 h₂."""
+    """Drives into the corner of the two nearest strict regions: it lowers h₁ + 0.9 h₂."""
 
     def act(self, s: View) -> Array:
         return s.push(1.0, 0.9)
 
 
 class Edge(Attack):
-    """1.6 m/s along a strict edge, reversing at random, the rest of the input against it."""
+    """Drives along a strict edge at 1.6 m/s, with random reversals, and presses against it."""
 
     def act(self, s: Surroundings) -> Array:
         side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
         along = _left(s.normal[0])
-        chase = 10.0 * (1.6 * side - s.velocity @ along)
-        return np.clip(chase * along - FULL * s.normal[0], -FULL, FULL)
+        faster = 10.0 * (1.6 * side - s.velocity @ along)
+        return np.clip(faster * along - FULL * s.normal[0], -FULL, FULL)
 
 
 class GaitPhase(Attack):
-    """Against the nearest region, sideways in step with half periods of the gait."""
+    """Presses against the nearest region, and reverses sideways with half periods of the gait."""
 
     def act(self, s: Surroundings) -> Array:
         half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0
@@ -209,7 +209,7 @@ class GaitPhase(Attack):
 
 
 class Slam(Attack):
-    """Backs off from the nearest region, and slams into it, each for a random time."""
+    """Backs off from the nearest region and then drives into it, each for a random time."""
 
     def act(self, s: View) -> Array:
         sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
@@ -217,17 +217,17 @@ class Slam(Attack):
 
 
 PARAMETERS = ("second", "sideways", "period", "jitter", "speed", "back")
-"""What a searched attacker is made of, each number in [0, 1]."""
+"""The names of the numbers of `Searched`, each in [0, 1]."""
 
 
 @dataclass
 class Searched(Attack):
-    """An attacker with six numbers in [0, 1] that a search sets.
+    """An attack with six numbers in [0, 1], which a search sets.
 
     Args:
-        rng: decides what is random about it.
-        parameters: (6,) share of the second row, sideways share, reversal period, jitter of it,
-            speed chased along the edge, share of time backed off.
+        rng: the source of its random choices.
+        parameters: (6,) weight of the second region, weight of the motion along the edge, period of
+            reversals, their jitter, speed along the edge, share of time in which it backs off.
     """
 
     parameters: tuple[float, ...] = (0.5,) * 6
@@ -236,15 +236,15 @@ class Searched(Attack):
         second, sideways, period, jitter, speed, back = self.parameters
         length = 0.1 + 1.9 * period
         low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
-        turned = -self.choice[0] if self.choice is not None else 1.0
-        sign, away = self.draw(s, low, high, lambda: (turned, self.rng.random() < 0.6 * back))
+        reversed_ = -self.choice[0] if self.choice is not None else 1.0
+        sign, away = self.draw(s, low, high, lambda: (reversed_, self.rng.random() < 0.6 * back))
         press = -1.0 if away else 1.0
         return s.push(press, press * second, sideways, 2.0 * speed * sign)
 
 
 TRAINED = Path(__file__).with_name("trained_attack.json")
 """The parameters of `Trained`, with the command that made them."""
-N_TRAINED = 20  # how many there are
+N_TRAINED = 20  # the number of these parameters
 
 
 @cache
@@ -254,19 +254,19 @@ def _trained() -> tuple[float, ...]:
 
 @dataclass
 class Trained(Attack):
-    """A linear policy of nine features whose twenty numbers CMA-ES has trained.
+    """A linear policy of nine features, whose twenty numbers CMA-ES has trained.
 
     In the axes of the nearest strict region, n towards it and l along its edge, u* is the full
     input along ``W φ`` with
 
-    φ = (1, tanh(h₁ / .3 m), tanh((h₂ − h₁) / .3 m), v·n, v·l, n₂·n, n₂·l, cos(2πt / T), ±1),
+    φ = (1, tanh(h₁ / 0.3 m), tanh((h₂ − h₁) / 0.3 m), v·n, v·l, n₂·n, n₂·l, cos(2πt / T), ±1),
 
     where n₂ points towards the second nearest region and the last sign changes at random.
 
     Args:
-        rng: decides what is random about it.
+        rng: the source of its random choices.
         parameters: (20,) W row by row, log₂ of the period T [s] and of the mean time between
-            changes of the sign [s]; those that were trained if not given.
+            changes of the sign [s]; the default are those in `TRAINED`.
     """
 
     parameters: tuple[float, ...] = field(default_factory=_trained)
@@ -285,7 +285,7 @@ class Trained(Attack):
 
 
 class Called(Attack):
-    """A function s → u* (2,) as an attack."""
+    """An attack that calls a function s → u* (2,) [m/s²]."""
 
     def __init__(self, function: Callable[[Surroundings], Any]):
         super().__init__(np.random.default_rng(0))
@@ -305,7 +305,7 @@ ATTACKS: dict[str, type[Attack]] = {
     "slam": Slam,
     "trained": Trained,
 }
-"""name → hostile policy in the plane."""
+"""The hostile policies in the plane, by their names."""
 ON_ANY_MODEL: dict[str, type[Attack]] = {
     "nearest": Nearest,
     "corner": Corner,
@@ -313,7 +313,7 @@ ON_ANY_MODEL: dict[str, type[Attack]] = {
     "bang-bang": BangBang,
     "wandering": Wandering,
 }
-"""name → policy that needs a `View` alone."""
+"""The policies that need no more than a `View`, by their names."""
 
 
 def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> Attack:
@@ -322,8 +322,8 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
     Args:
         name: one of `ATTACKS` or `ON_ANY_MODEL`; "searched" with parameters; or ``module:name`` or
             ``file.py:name`` of an `Attack`, or of a function s → u*.
-        seed: decides what is random about it.
-        parameters: of `Searched`, or other ones of `Trained`.
+        seed: of its random choices.
+        parameters: those of `Searched`, or others than the trained ones of `Trained`.
 
     Raises:
         InvalidInputError: if there is no such attack.
@@ -332,22 +332,22 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
     if parameters is not None:
         return {"searched": Searched, "trained": Trained}[name](rng, parameters)
     if loading.is_function(name):
-        found = loading.function("attack", name)
-        if isinstance(found, type) and issubclass(found, Attack):
-            return found(rng)
-        return Called(found)
+        loaded = loading.function("attack", name)
+        if isinstance(loaded, type) and issubclass(loaded, Attack):
+            return loaded(rng)
+        return Called(loaded)
     return choose("attack", name, ATTACKS | ON_ANY_MODEL)(rng)
 
 
 def is_attack(name: str) -> bool:
-    """Return whether `make` takes a name; a function of two arguments is a policy.
+    """Return whether a name is that of an attack; a function of two arguments is a policy.
 
     Raises:
-        InvalidInputError: if a function is named that is not there.
+        InvalidInputError: if the name is that of a function that does not exist.
     """
     if not loading.is_function(name):
         return name in ATTACKS or name in ON_ANY_MODEL
-    found = loading.function("policy", name)
-    if inspect.isclass(found):
-        return issubclass(found, Attack)
-    return len(inspect.signature(found).parameters) == 1
+    loaded = loading.function("policy", name)
+    if inspect.isclass(loaded):
+        return issubclass(loaded, Attack)
+    return len(inspect.signature(loaded).parameters) == 1

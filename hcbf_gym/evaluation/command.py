@@ -27,6 +27,7 @@ from rich.progress import track
 
 from hcbf_gym import loading, policies, programs, records, scenarios
 from hcbf_gym.arguments import Amount, Count, Folder, Positive, Seed, Workers
+from hcbf_gym.barriers.set import Condition
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import (
     CoverageWarning,
@@ -59,9 +60,9 @@ from hcbf_gym.sources import sources_hash
 
 RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 OUTPUT = Path("results/evaluate")
-FEW = 10  # of fewer episodes the table gives no bound on entering: it would be near 1 anyway
+FEW = 10  # with fewer episodes a bound on entering would be near 1, and the table has none
 COLUMNS = 5  # pairs of policy and program beside each other in one table
-OWN_STEPS = 500  # the most that an episode of a user's environment takes by default
+OWN_STEPS = 500  # the most steps of an episode of a user's environment, by default
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Run every pair of policy and program, and write what came out."""
+    """Check all arguments, run every pair of policy and program, and write the results."""
     _check(args)
     scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
     if not args.own:
@@ -154,12 +155,12 @@ def main(args: Args) -> None:
             policies.try_out(case.policy, env, args.seed)
             env.close()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CoverageWarning)  # it has just been given
+        warnings.simplefilter("ignore", CoverageWarning)  # `try_out` has given it
         _run(args, cases)
 
 
 def _run(args: Args, cases: Sequence[Case]) -> None:
-    """Run every case, and write what came out."""
+    """Run every case, and write the summary, figures, films and tables."""
     files, seeds = _files(args), range(args.seed, args.seed + args.episodes)
     settings = _settings(args, files)
     output = args.output or OUTPUT
@@ -179,39 +180,51 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     pairs = [(case.policy, case.program) for case in cases]
     listed = [summaries[*pair, seed] for pair in pairs for seed in seeds]
     rows = aggregate(listed)
-    first = {pair: shown[pair] for pair in pairs}
-    any_of = first[pairs[0]]
-    names = list(zip(any_of.names, any_of.priority.tolist(), strict=True))
+    first_episodes = {pair: shown[pair] for pair in pairs}
+    example = first_episodes[pairs[0]]
+    ranks = example.priority.tolist()
+    conditions = [Condition(*one) for one in zip(example.names, ranks, strict=True)]
     write_json(output / "summary.json", {
         "environment": args.env,
         "robot": args.env_options.get("robot", args.known.robot),
         "settings": settings,
         "seeds": [args.seed, args.seed + args.episodes - 1],
         "interval": INTERVAL,
-        "barriers": [{"name": name, "priority": rank} for name, rank in names],
+        "barriers": [{"name": one.name, "priority": one.rank} for one in conditions],
         "episodes": listed,
         "aggregate": rows,
     })  # fmt: skip
-    written = _draw(args, output, cases[0], first)
+    written = _draw(args, output, cases[0], first_episodes)
     shutil.rmtree(finished)
-    console, labels, count = Console(), column_names(rows), len(args.program)
-    together = COLUMNS // count * count or COLUMNS  # the programs of a policy are side by side
-    for start in range(0, len(rows), together):
-        here = slice(start, start + together)
-        console.print(comparison(rows[here], names, labels[here]).rich())
+    console, labels = Console(), column_names(rows)
+    _print_tables(console, rows, conditions, labels, len(args.program))
     for case in cases:
         if args.video:
             written.append(_record(case, args, output))
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot, output)
     for row, label in zip(rows, labels, strict=True):
-        text = f"{label.replace(chr(10), ', ')}: {' '.join(sentences(row, names))}"
+        text = f"{label.replace(chr(10), ', ')}: {' '.join(sentences(row, conditions))}"
         console.print(text, soft_wrap=True, highlight=False)
     console.print(f"written to {output}: {', '.join([records.SETTINGS, *written])}", soft_wrap=True)
 
 
+def _print_tables(
+    console: Console,
+    rows: list[dict[str, Any]],
+    conditions: Sequence[Condition],
+    labels: Sequence[str],
+    programs_of_policy: int,
+) -> None:
+    """Print the rows in tables of `COLUMNS`, in which the programs of a policy stay together."""
+    columns = COLUMNS // programs_of_policy * programs_of_policy or COLUMNS
+    for start in range(0, len(rows), columns):
+        part = slice(start, start + columns)
+        console.print(comparison(rows[part], conditions, labels[part]).rich())
+
+
 def _check(args: Args) -> None:
-    """Refuse arguments that do not go together."""
+    """Refuse arguments that do not fit each other."""
     Runs(None, args.workers, args.backend).check()
     if not (args.own or args.env in environments.known()):
         raise UnknownNameError(
@@ -242,17 +255,17 @@ def _check(args: Args) -> None:
 
 
 def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
-    """Return what decides a run: arguments, the user's files, versions."""
+    """Return all that decides a run: arguments, hashes of the user's files, and versions."""
     left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
     if "robot" not in args.known.options:
-        left_out.add("robot")  # that of the environment is no argument
+        left_out.add("robot")  # this environment has one robot
     given = {name: value for name, value in asdict(args).items() if name not in left_out}
     decided = {"files": sources_hash(list(files)) if files else "", "versions": versions()}
     return records.plain(given) | decided
 
 
 def _files(args: Args) -> list[Path]:
-    """Return the files of the user's own that decide the episodes."""
+    """Return the user's own files that decide the episodes."""
     given = (args.scenario, args.map or "", *args.masks, *args.slow)
     files = [file for file in map(Path, given) if file.is_file()]
     family = scenarios.family_of(args.scenario)
@@ -265,6 +278,7 @@ def _files(args: Args) -> list[Path]:
 
 
 def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
+    """Return the case of one policy and one program, with the options that the program takes."""
     options: dict[str, object] | None = None
     if program != UNFILTERED:
         accepted = programs.options(program)
@@ -283,7 +297,7 @@ def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
 def _draw(
     args: Args, output: Path, case: Case, shown: Mapping[tuple[str, str], Episode]
 ) -> list[str]:
-    """Draw the first episodes, and return the figures' names, summary.json before them."""
+    """Draw the first episodes; return the names of the files written: summary.json, figures."""
     written = ["summary.json"]
     if args.own:
         barriers = own_environment.barriers_of(args.env, args.seed)
@@ -303,7 +317,7 @@ def _draw(
 
 
 def column_names(rows: list[dict[str, Any]]) -> list[str]:
-    """Return what columns are called: policy and program, or the program where policies are one."""
+    """Return the titles of columns: policy and program, or the program if there is one policy."""
     programs = [shown_program(row["program"]) for row in rows]
     if len({row["policy"] for row in rows}) == 1:
         return programs
@@ -311,14 +325,14 @@ def column_names(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def comparison(
-    rows: list[dict[str, Any]], conditions: Sequence[tuple[str, int]], header: Sequence[str]
+    rows: list[dict[str, Any]], conditions: Sequence[Condition], header: Sequence[str]
 ) -> Table:
     """Return a table with a column for each pair of policy and program.
 
     Args:
         rows: as `aggregate` returns them, all of one environment and scene.
-        conditions: name and rank of the scene's.
-        header: what the columns are called.
+        conditions: of the scene.
+        header: the titles of the columns.
     """
     cells: list[tuple[str, ...]] = []
     for k, (name, rank) in enumerate(conditions):
@@ -360,7 +374,7 @@ def comparison(
 
 
 def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
-    """Return a figure with its interval, where there is one; a dash where it is not known."""
+    """Return a figure as text, with its interval if there is one; a dash if it is not known."""
     value, interval = row[key], row.get("intervals", {}).get(key)
     if value is None:
         return "–"
@@ -372,7 +386,7 @@ def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
 
 
 def _record(case: Case, args: Args, output: Path) -> str:
-    """Film the first episode of a pair, and return the film's name."""
+    """Film the first episode of a case, and return the name of the film."""
     name = f"{_file_name(case.policy)}-{case.program}"
     folder = output / "video" / name
     if args.own:
@@ -395,6 +409,7 @@ def _record(case: Case, args: Args, output: Path) -> str:
 
 
 def _take_snapshot(case: Case, args: Args, time: float, output: Path) -> None:
+    """Save a frame of the first episode of a case at a time [s]."""
     env = case.make(render_mode="rgb_array", seed=args.seed)
     walk = samples(env, policies.make(case.policy, env), args.seed)
     deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
@@ -404,7 +419,7 @@ def _take_snapshot(case: Case, args: Args, time: float, output: Path) -> None:
 
 
 def _file_name(policy: str) -> str:
-    """Return a policy's name as a file's name may have it: of a path the last part."""
+    """Return a policy's name for the name of a file, without folders and endings."""
     where, _, function = policy.rpartition(":")
     if not where:
         return Path(policy).stem if policies.is_own(policy) else policy

@@ -25,6 +25,7 @@ from hcbf_gym.errors import (
     reals,
 )
 from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models import input_sets
 from hcbf_gym.models.input_sets import InputSet
@@ -219,13 +220,13 @@ class BatchFilter:
         shape = (2,) if self.num_envs is None else (self._count, 2)
         wanted = floats("u_nominal", u_nominal, shape)
         back = _like(u_nominal)
-        self._core.made.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
+        self._core.config.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
         estimate = self._estimate(x, time, elapsed, missing)
-        world = self._goal, self._extent
+        world = World(self._goal, self._extent)
         u, report = self._core.step(
             wanted.astype(np.float64), self._barriers, estimate, world=world
         )
-        return back(u.astype(self._core.made.dtype)), {
+        return back(u.astype(self._core.config.dtype)), {
             k: back(value) for k, value in report.items()
         }
 

@@ -1,11 +1,11 @@
-"""The compiled filter of N plants, bound to what it reads, and to the report that it writes.
+"""The compiled filter of N plants, bound to the arrays that it reads and to its report.
 
-``info["safety_filter"]`` has the fields of `report` in `plants.hpp`. The keys are the same for
-every filter; a field that a filter does not write is 0.
+The report, ``info["safety_filter"]``, has the fields of `report` in `plants.hpp`. The keys are the
+same for every filter; a field that a filter does not write is 0.
 """
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,25 +14,21 @@ from hcbf_gym.arrays import Array, Info, Records, numbers_of, record_type
 from hcbf_gym.barriers.rows import WIDTH
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.filter import solvers
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 
-DONE, NOT_FINITE, MISSHAPED, ASKS = range(4)
-"""What a step returns: nothing is to be done, u* is not finite, the scene is not of these plants,
-or a warning is due."""
-
 NO_ROWS: Array = np.zeros((0, 0, WIDTH + 2))
-"""Where no row was made beforehand."""
+"""The rows that Python makes, if it makes none."""
 
 
 @cache
 def plant_dtype(n_u: int) -> np.dtype[np.void]:
-    """Return what is reported of a plant of so many inputs; u* and u are behind the struct."""
+    """Return the type of the report of a plant of n_u inputs; u* and u are behind the struct."""
     return record_type("report.Plant", u_nominal=n_u, u_safe=n_u)
 
 
 ROW = record_type("report.Row")
-"""What is reported of each row (m,), in the order of the barriers."""
+"""The type of the report of a row; rows are in the order of the barriers."""
 
 _ROWS = ROW.names or ()
 _PLANTS = plant_dtype(2).names or ()
@@ -41,40 +37,52 @@ _WORD = 8  # bytes of a number or a code
 _ROW_WORDS = ROW.itemsize // _WORD
 
 
-class Bound:
-    """Filters plants in compiled code; arrays are bound where they are others than before.
+class SceneArrays(NamedTuple):
+    """The arrays to which the compiled filter is bound; None before the first step."""
 
-    `batch` is N of a batch; None for one plant, whose report has no leading N.
+    kind: Any = None  # the first six are arrays of a `BarrierSet`
+    parameters: Any = None
+    priority: Any = None
+    own_margin: Any = None
+    atlas: Any = None
+    ends: Any = None
+    rows: Any = None  # (N, m, WIDTH + n_u) the rows that Python makes
+
+
+class Bound:
+    """Filters N plants in compiled code, which is bound anew to arrays that are replaced.
+
+    `batch` is N of a batch, or None for one plant, whose report has no leading N.
 
     Attributes:
         core: the compiled filter.
-        plants: (N,) what is reported of each plant.
-        rows: (N, M) `ROW`; M is m, and one more with guidance.
-        u_nominal: (N, n_u) of `plants`.
-        words: (N, …) the numbers that `plants` and `rows` are made of.
+        plants: (N,) the reports of the plants.
+        rows: (N, M) the reports of the rows, `ROW`; M is m, and one more with guidance.
+        u_nominal: (N, n_u) u*, a view of `plants`.
+        words: (N, …) the numbers of which `plants` and `rows` consist.
     """
 
-    def __init__(self, made: Configured, samples: Samples, batch: int | None, threads: int):
-        self._made, self._samples, self._threads = made, samples, threads
-        self._alone, self._count = batch is None, made.count
-        self._dtype = plant_dtype(made.input_set.n_u)
+    def __init__(self, config: FilterConfig, samples: Samples, batch: int | None, threads: int):
+        self._config, self._samples, self._threads = config, samples, threads
+        self._alone, self._count = batch is None, config.count
+        self._dtype = plant_dtype(config.input_set.n_u)
         self.plants: Records = np.zeros(self._count, dtype=self._dtype)
-        self.plants["alpha1_scale"] = made.alpha1_scale
+        self.plants["alpha1_scale"] = config.alpha1_scale
         self._make_core()
-        self.widen(0, 0)
+        self.resize(0, 0)
 
     def _make_core(self) -> None:
-        """Make the compiled filter, which has no scene yet."""
-        made, samples = self._made, self._samples
-        self.core = _core.Filter(made.words, made.program, samples.words, self._threads)
+        """Make the compiled filter, which is not bound to a scene yet."""
+        config, samples = self._config, self._samples
+        self.core = _core.Filter(config.words, config.program, samples.words, self._threads)
         if samples.is_apart:
             self.core.set_states(*samples.states)
-        if made.gate is not None:
-            self.core.set_laws(made.gate.input)
-        self._scene: tuple[Any, ...] = (None,) * 7
+        if config.gate is not None:
+            self.core.set_laws(config.gate.input)
+        self._scene = SceneArrays()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs, which binds its own arrays."""
+        """Return the attributes for a copy, which binds its own arrays."""
         parts = "core", "plants", "rows", "u_nominal", "_head"
         return {name: value for name, value in vars(self).items() if name not in parts}
 
@@ -83,12 +91,12 @@ class Bound:
         scene = self._scene
         self._make_core()
         self._divide(self._numbers)
-        if scene[0] is not None:  # of the last step, which `again` answers once more
+        if scene.kind is not None:  # `copy_of_last_step` needs the scene of the last step
             self._scene = scene
             self.core.set_scene(*scene)
 
-    def widen(self, m: int, total: int) -> None:
-        """Make room for `total` rows, of which m are reported."""
+    def resize(self, m: int, total: int) -> None:
+        """Allocate the reports of `total` rows, the first m of which the user gets."""
         before, self._m, self._total = self.plants, m, total
         words = self._dtype.itemsize // _WORD + total * _ROW_WORDS
         self._divide(np.zeros(self._count * words))
@@ -98,14 +106,16 @@ class Bound:
             self._reported, self._scalars = b"", {}
 
     def renew(self) -> None:
-        """Take new memory for the next report; every step writes all rows."""
+        """Allocate the next report, as the user has the last one; a step writes all rows."""
         before, _ = self.words
         self._divide(np.empty_like(self._numbers))
         self.words[0][...] = before
-        self.plants["alpha1_scale"] = self._made.alpha1_scale  # the user may write to the last
+        self.plants["alpha1_scale"] = (
+            self._config.alpha1_scale
+        )  # the user may have written to the last
 
     def _divide(self, memory: Array) -> None:
-        """Let the two records be parts of one memory, which is copied at once."""
+        """Let both reports be views of one array, which is copied at once."""
         words = self._count * self._dtype.itemsize // _WORD
         self._numbers = memory
         self._head = memory[1 : len(_SCALARS)]
@@ -117,25 +127,28 @@ class Bound:
         self.core.set_report(*self.words)
 
     def filter(self, scene: BarrierSet, own: Array = NO_ROWS) -> int:
-        """Filter the plants by the compiled program or a solver; return what is to be done.
+        """Filter the plants by the compiled program or a solver.
 
         Args:
-            scene: of the plants.
-            own: rows that were made beforehand.
+            scene: the scenes of the plants.
+            own: (N, m, WIDTH + n_u) the rows that Python makes.
+
+        Returns:
+            The result of the step, such as `solvers.DONE`.
         """
         kind, parameters, priority, own_margin, atlas, ends, rows = self._scene
         same = kind is scene.kind and parameters is scene.parameters and own is rows
         same = same and priority is scene.priority and own_margin is scene.own_margin
         if not (same and atlas is scene.atlas.numbers and ends is scene.ends):
-            numbers = scene.kind, scene.parameters, scene.priority, scene.own_margin
-            self._scene = *numbers, scene.atlas.numbers, scene.ends, own
+            arrays = scene.kind, scene.parameters, scene.priority, scene.own_margin
+            self._scene = SceneArrays(*arrays, scene.atlas.numbers, scene.ends, own)
             self.core.set_scene(*self._scene)
-        if self._made.solver is None:
+        if self._config.solver is None:
             return self.core.filter()
-        return solvers.answer(self._made.solver, self.core, self._count)
+        return solvers.answer(self._config.solver, self.core, self._count)
 
     def report(self) -> Info:
-        """Return what was written, by its names."""
+        """Return the report of the last step, a dict by the names of fields."""
         if not self._alone:
             report = {name: self.plants[name] for name in _PLANTS}
             return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
@@ -149,23 +162,23 @@ class Bound:
             report[name] = numbers[place]
         return report
 
-    def again(self) -> _core.Filter | None:
-        """Return a compiled filter of copies, as the last step left them; None before any."""
-        if self._scene[0] is None:
+    def copy_of_last_step(self) -> _core.Filter | None:
+        """Return a compiled filter that can repeat the last step, on copies; None before any."""
+        if self._scene.kind is None:
             return None
         sensed = self._samples.plants.copy()
-        sensed["known"] = 0  # or the time of the same sample would not advance
-        made = self._made
-        asked = _core.Filter(made.words.copy(), made.program, numbers_of(sensed), 1)
-        if made.gate is not None:
-            asked.set_laws(made.gate.input)
-        asked.set_scene(*self._scene)
-        asked.set_report(*(words.copy() for words in self.words))
-        return asked
+        sensed["known"] = 0  # so that the time of the same sample is accepted again
+        config = self._config
+        repeated = _core.Filter(config.words.copy(), config.program, numbers_of(sensed), 1)
+        if config.gate is not None:
+            repeated.set_laws(config.gate.input)
+        repeated.set_scene(*self._scene)
+        repeated.set_report(*(words.copy() for words in self.words))
+        return repeated
 
 
 def _places(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice]]:
-    """Return where one plant's memory holds the fields that differ from step to step."""
+    """Return the places, in the array of one plant's report, of fields that change every step."""
     start, step = dtype.itemsize // _WORD, _ROW_WORDS
     n_u, at = dtype["u_safe"].shape[0], len(_SCALARS)
     places: list[tuple[str, int | slice]] = [("intervention", 0)]

@@ -12,7 +12,7 @@ from hcbf_gym.barriers.many import Shapes
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import UNREADABLE, SafetyWarning, shown, warn_caller
 from hcbf_gym.filter.guide import Guide
-from hcbf_gym.filter.samples import Samples, numbers_of
+from hcbf_gym.filter.samples import Samples, real_array
 from hcbf_gym.filter.scenes import Scenes
 from hcbf_gym.models.constants import FARTHEST, LONGEST
 from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
@@ -72,13 +72,13 @@ def cause_of(
         return _of_clock(estimate, float(samples.plants["accepted_at"][i]), i, count)
     if reason == Reason.BARRIERS:
         if scenes.is_refused:
-            return str(scenes.unread)
+            return str(scenes.error)
         x, time = samples.x[i].copy(), float(samples.time[i])
-        return _of_barriers(scenes.now, plant.model, x, time, i)
+        return _of_barriers(scenes.current, plant.model, x, time, i)
     if reason == Reason.GOAL:
         return guide.why(has)
-    if reason == Reason.MOVES and scenes.moving:
-        return repr(scenes.moving)
+    if reason == Reason.MOVES and scenes.moving_region:
+        return repr(scenes.moving_region)
     return ""
 
 
@@ -158,7 +158,7 @@ def _wrong(barrier: Barrier, x: Array, t: float) -> str:
 
 def _one_of(value: object, shape: tuple[int, ...], i: int, count: int) -> Array | None:
     """Return plant i's part of a value of N plants; None where it is none of real numbers."""
-    many = numbers_of(value, (count, *shape))
+    many = real_array(value, (count, *shape))
     if many is not None:
         return many[i]
-    return numbers_of(value, shape) if count == 1 else None
+    return real_array(value, shape) if count == 1 else None

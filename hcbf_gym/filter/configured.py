@@ -1,4 +1,4 @@
-"""The immutable configuration of a filter of N plants: validated settings, and the program."""
+"""The immutable configuration of a filter of N plants: validated settings, rows and program."""
 
 from functools import cached_property
 from typing import Any
@@ -28,32 +28,33 @@ from hcbf_gym.filter.settings import (
     check_hold,
     dip_of,
     input_limits,
-    kept,
+    row_uncertainty,
 )
 from hcbf_gym.guidance.field import CELL, FINE
+from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 FAR_OFF = 0.15
-"""What rows may ask of a cart that drives along a wall before that is warned of [m]."""
+"""The distance from walls that rows may require of a cart without a warning [m]."""
 
 
-class Configured:
-    """What a filter of N plants never changes.
+class FilterConfig:
+    """All that a filter of N plants never changes.
 
     Attributes:
-        alpha1: α₁ as the rows have it, scaled down to what U can brake.
+        alpha1: α₁ of the rows, scaled down so that U can brake as they require.
         alpha2: α₂.
         alpha_speed: α of speed limits and zones.
-        alpha1_scale: by which factor; 1 where U can.
-        row_settings: how rows are made, for a held or any other input.
-        uncertainty: what they reserve.
+        alpha1_scale: the factor of α₁; 1 if U can brake as hard without it.
+        row_settings: how rows are made, for a held input or for one instant.
+        uncertainty: what the rows reserve.
         dtype: of the environment's actions.
-        words: the numbers of a `plants.CONSTANTS`.
-        program: see `plants.constants`.
-        gate: how manoeuvres satisfy strict conditions; None where rows do.
-        solver: the program of a solver by name; None for the compiled one.
+        words: the numbers of `constants`.
+        program: corners of U and weights, see `plants.constants`.
+        gate: how manoeuvres satisfy strict conditions; None if rows do.
+        solver: the program with a solver by name; None for the compiled program.
 
     Raises: as `core.FilterCore`.
     """
@@ -90,7 +91,7 @@ class Configured:
         dip = 0.0 if held else dip_of(plant, input_set)
         if plant.axle is not None:
             dip += plant.axle.strays(plant.period or 0.0)
-        self.uncertainty = kept(plant, settings.margin, dip)
+        self.uncertainty = row_uncertainty(plant, settings.margin, dip)
         if plant.period is None:
             warn_caller(
                 "safety filter: the plant's period is not known, so that rows are those of one "
@@ -104,37 +105,38 @@ class Configured:
 
     @cached_property
     def reserve(self) -> Reserve:
-        """What rows reserve whose h is no built-in shape of the planar double integrator."""
+        """Derives the margins of rows whose h is no built-in shape of the double integrator."""
         declared = self.plant.uncertainty.distance if self.settings.margin is None else 0.0
-        kept, period = self.uncertainty, self.plant.period
-        fixed = kept.distance - declared
-        return Reserve(self.plant.model, self.input_set, kept, fixed, period)
+        reserved, period = self.uncertainty, self.plant.period
+        fixed = reserved.distance - declared
+        return Reserve(self.plant.model, self.input_set, reserved, fixed, period)
 
     @property
     def cell(self) -> float:
-        """Side of a cell of guidance's field [m]: finer where a body is to pass gaps."""
+        """The side of a cell of guidance's field [m], finer for a body that has to pass gaps."""
         return FINE if self.uncertainty.body > 0.0 else CELL
 
     @cached_property
     def clearance(self) -> float:
-        """How far off strict edges guidance leads [m].
+        """The distance from strict edges at which guidance leads [m].
 
-        What rows reserve, and of a body what they require besides close to an edge, so that it is
-        led through no gap that they close. Half a cell less: a cell is open where a place in it is.
+        It is what rows reserve. For a body it is also what rows require close to an edge, so that
+        guidance leads through no gap that rows close. It is less by half a cell, because a cell is
+        open if a place in it is.
         """
         reserved = self.uncertainty.distance + self.uncertainty.body
         if self.uncertainty.body == 0.0:
             return reserved
         axle, period = self.plant.axle, self.plant.period or 0.0
         u_max = self.input_set.radius if axle is None else axle.hardest
-        besides = 0.5 * u_max * period**2
+        near_edge = 0.5 * u_max * period**2
         if axle is not None:
             settings = self._axle_settings(self.row_settings.held)
-            besides += axle_rows.at_a_glance(settings, axle.jerk(period))
-        return reserved + besides - 0.5 * self.cell
+            near_edge += axle_rows.at_a_glance(settings, axle.jerk(period))
+        return reserved + near_edge - 0.5 * self.cell
 
     def _check_axle(self) -> None:
-        """Refuse a differential drive that brakes harder than U lets it."""
+        """Refuse a differential drive whose braking is not in U."""
         axle = self.plant.axle
         if axle is None:
             return
@@ -149,55 +151,57 @@ class Configured:
             )
 
     def _make_program(self, held: bool) -> None:
-        """Make the program, and write what compiled code never changes."""
-        asked, input_set, plant = self.settings, self.input_set, self.plant
-        options = {k: v for k, v in asked.options.items() if k not in ROW_OPTIONS}
+        """Make the program, and write the constants of compiled code."""
+        settings, input_set, plant = self.settings, self.input_set, self.plant
+        options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self.solver: programs.Program | None = None
-        if asked.solver is not None or input_set.n_u != 2:
+        if settings.solver is not None or input_set.n_u != 2:
             self.solver = programs.make(
-                asked.program, input_set=input_set, solver=asked.solver, **options
+                settings.program, input_set=input_set, solver=settings.solver, **options
             )
         numbers: dict[str, Any] = {"ranks": True, "radius": input_set.radius}
         numbers |= {"vertices": np.zeros((1, 1, 2)), "weights": np.zeros((1, 1))}
         if input_set.n_u == 2:
-            batch = programs.make_batch(asked.program, input_set=input_set, **options)
+            batch = programs.make_batch(settings.program, input_set=input_set, **options)
             numbers = batch.settings_of(self.count)
             if plant.axle is not None and numbers["by_level"]:  # a strict rank for what moves
                 numbers["weights"] = np.insert(numbers["weights"], 1, np.inf, axis=1)
-        own = plant.uncertainty.distance if asked.margin is None else 0.0
+        own = plant.uncertainty.distance if settings.margin is None else 0.0
         lags = self.uncertainty.cap > 0.0  # the robot is not its model
         numbers |= self.uncertainty._asdict()
         numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
         numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
         numbers["observed"] = True
-        numbers |= gatekeeper.constants(self.gate, plant, asked.margin)
+        numbers |= gatekeeper.constants(self.gate, plant, settings.margin)
         numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
         numbers["settles"] = self.uncertainty.per_velocity if lags else 0.0
         numbers["tracking"] = 0.5 * self.uncertainty.distance if lags else 0.0
-        axle, period = plant.axle, plant.period or 0.0
-        if axle is not None:
-            numbers |= {"drives": True, "axle": axle, "jerk": axle.jerk(period)}
-            settings = self._axle_settings(held)
-            numbers["axle_rows"] = settings.packed
-            clearance = axle_rows.at_a_glance(settings, axle.jerk(period))
-            if clearance > FAR_OFF:
-                warn_caller(
-                    f"safety filter: at a period of {period:g} s a cart that turns at "
-                    f"{axle.turn:g} rad/s stays {clearance:.2g} m off walls besides its margin; "
-                    "expected a shorter period, or a lower turn or forward speed",
-                    CoverageWarning,
-                )
-            # its U turns with the heading, and is written at every step
-            numbers["vertices"] = np.zeros((1, 4, 2))
+        if plant.axle is not None:
+            numbers |= self._axle_numbers(plant.axle, held)
         self.words, self.program = plants.constants(numbers)
+
+    def _axle_numbers(self, axle: Axle, held: bool) -> dict[str, Any]:
+        """Return the constants of a differential drive; warn if rows keep it far off walls."""
+        period, settings = self.plant.period or 0.0, self._axle_settings(held)
+        clearance = axle_rows.at_a_glance(settings, axle.jerk(period))
+        if clearance > FAR_OFF:
+            warn_caller(
+                f"safety filter: at a period of {period:g} s a cart that turns at "
+                f"{axle.turn:g} rad/s stays {clearance:.2g} m off walls besides its margin; "
+                "expected a shorter period, or a lower turn or forward speed",
+                CoverageWarning,
+            )
+        corners = np.zeros((1, 4, 2))  # U turns with the heading, and is written at every step
+        numbers = {"drives": True, "axle": axle, "jerk": axle.jerk(period), "vertices": corners}
+        return numbers | {"axle_rows": settings.packed}
 
     @property
     def constants(self) -> Records:
-        """(1,) `plants.CONSTANTS`, which look into `words`."""
+        """(1,) record of `plants.CONSTANTS`, a view of `words`."""
         return self.words.view(plants.CONSTANTS)
 
     def applied_as(self, dtype: DTypeLike) -> None:
-        """Note the type of the environment's actions; strict rows reserve what rounding takes."""
+        """Set the type of the environment's actions; strict rows reserve the error of rounding."""
         self.dtype = np.dtype(dtype)
         rounds = self.dtype == np.float32
         rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
@@ -205,7 +209,7 @@ class Configured:
 
     @cached_property
     def gain(self) -> float:
-        """The greatest acceleration of the planar velocity by an input [m/s²]."""
+        """The greatest acceleration of the planar velocity that an input causes [m/s²]."""
         if self.plant.axle is not None:
             return self.plant.axle.braking
         model, at = self.plant.model, self.plant.model.velocity_at
@@ -215,7 +219,7 @@ class Configured:
         return float(gain) * self.input_set.radius
 
     def _fit_alpha1(self) -> float:
-        """Scale α₁ down to what the robot can brake, and return the factor for reports."""
+        """Scale α₁ so that the robot can brake as its rows require; return the factor."""
         if not isinstance(self.plant.model, DoubleIntegrator):
             return 1.0
         able = braking.weakest(self.input_set)
@@ -239,7 +243,7 @@ class Configured:
         return factor
 
     def _axle_settings(self, held: bool) -> RowSettings:
-        """Return how rows on a differential drive's axle are made."""
+        """Return the settings of rows on a differential drive's axle."""
         assert self.plant.axle is not None
         period = self.plant.period if held else None
         return self._settings(period, self.plant.axle.hardest)
@@ -250,7 +254,7 @@ class Configured:
         return self.plant.model == DoubleIntegrator()
 
     def _row_settings(self, held: bool) -> RowSettings:
-        """Return how rows are made, for a held input or for one instant."""
+        """Return the settings of rows, for a held input or for one instant."""
         period = self.plant.period if held else None
         if not self.is_planar:
             return self._settings()

@@ -10,7 +10,7 @@ from hcbf_gym.programs.conflicts import ConflictReport, conflict_among
 
 
 def conflict_of(bound: Bound, i: int, input_set: InputSet | None) -> ConflictReport | None:
-    """Return the conflict of a plant whose state was accepted; None where there is none.
+    """Return the conflict of a plant whose state was accepted; None if there is none.
 
     The rows are made once more, from the same sample.
 
@@ -20,17 +20,17 @@ def conflict_of(bound: Bound, i: int, input_set: InputSet | None) -> ConflictRep
         input_set: U; None takes the corners of the program, at one heading and speed.
 
     Returns:
-        the report, whose `rows` are indices of the conditions.
+        The report, whose `rows` are indices of the conditions.
     """
-    asked = bound.again()
-    if asked is None or asked.check() != 0 or not asked.pose(i):
+    step = bound.copy_of_last_step()
+    if step is None or step.check() != 0 or not step.pose(i):
         return None  # the last step refused its scene, its input or its state
-    _, a, b, h, _, _ = asked.problem()
-    priority, whose = asked.conditions(i)
+    _, a, b, h, _, _ = step.problem()
+    priority, whose = step.conditions(i)
     there = np.flatnonzero(priority > 0)  # a batch fills up shorter scenes
     rows = CbfRows(a[there], b[there], h[there], priority[there])
     whose = whose[there]
-    limits = _sides(asked.corners()) if input_set is None else input_set.halfspaces()
+    limits = _sides(step.corners()) if input_set is None else input_set.halfspaces()
     found = conflict_among(rows, bound.rows["slack"][i, whose], limits)
     if found is None:
         return None

@@ -1,6 +1,5 @@
 """From u* to u for N plants of any model: sample, rows, guidance, program, report."""
 
-from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
@@ -10,14 +9,15 @@ from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
-from hcbf_gym.filter import bound
+from hcbf_gym.filter import solvers
 from hcbf_gym.filter.bound import NO_ROWS, Bound
 from hcbf_gym.filter.causes import cause_of, kind_of, warn_of
-from hcbf_gym.filter.configured import Configured
+from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.conflict import conflict_of
-from hcbf_gym.filter.covering import Covering
+from hcbf_gym.filter.covering import EpisodeCoverage
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.model_rows import ModelRows
+from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.planar_rows import PlanarRows
 from hcbf_gym.filter.samples import Samples, real_numbers
 from hcbf_gym.filter.scenes import Scenes
@@ -28,22 +28,23 @@ from hcbf_gym.programs import ConflictReport, FilterStatus
 
 
 class FilterCore:
-    """The filter of N plants: `sample`, `scenes` and `rows`, `guide`, `bound` and `report`.
+    """The filter of N plants, behind the wrappers and the filters for loops of one's own.
 
-    A solver by name takes the place of the compiled program alone.
+    A step takes a sample and the barriers, lets guidance lead, makes rows, solves the program and
+    reports. `Bound` does most of it in compiled code, or with a solver by name.
 
     Attributes:
-        made: settings and what follows from them.
-        samples: what is known of the plants.
+        config: the settings, and what follows from them.
+        samples: the latest samples of the plants.
         scenes: the barriers as they are now.
-        guide: leads the plants.
+        guide: leads the plants to their goals.
         guides: whether it does, so that they need a goal.
-        covering: whether the promise was tested.
+        coverage: whether the promise was tested for each plant.
 
     Args:
         plant: of the environment.
         input_set: U.
-        settings: what the user requests.
+        settings: of the filter, as the user gave them.
         batch: N of a batch; None for one plant, whose arrays have no leading N.
         threads: how many cores filter parts of a batch at once.
 
@@ -63,15 +64,15 @@ class FilterCore:
     ):
         self.plant, self.input_set = plant, input_set
         self._alone, self.count = batch is None, 1 if batch is None else batch
-        self.made = made = Configured(plant, input_set, settings, self.count)
-        self.samples = Samples(plant, input_set.n_u, self.count, apart=not made.is_planar)
-        self.covering = Covering(plant, self.count)
-        self._bound = Bound(made, self.samples, batch, threads)
-        kind = PlanarRows if made.is_planar else ModelRows
-        self._rows = kind(made, self.samples, self._bound)
-        self.guide = Guide(made, self.samples)
+        self.config = config = FilterConfig(plant, input_set, settings, self.count)
+        self.samples = Samples(plant, input_set.n_u, self.count, apart=not config.is_planar)
+        self.coverage = EpisodeCoverage(plant, self.count)
+        self._bound = Bound(config, self.samples, batch, threads)
+        kind = PlanarRows if config.is_planar else ModelRows
+        self._rows = kind(config, self.samples, self._bound)
+        self.guide = Guide(config, self.samples)
         self.guides = self.guide.guides
-        self.scenes = Scenes(made, self.samples, self._rows, self.covering)
+        self.scenes = Scenes(config, self.samples, self._rows, self.coverage)
         self._warned: set[object] = {int(Reason.NONE)}  # the reasons that were warned of
         self._m = -1  # there was no scene yet
         if not callable(plant.barriers):
@@ -85,10 +86,10 @@ class FilterCore:
     @property
     def conditions(self) -> list[Condition]:
         """Name and rank of the conditions of plant 0, in the order of the report's rows."""
-        return self.scenes.now.conditions()
+        return self.scenes.current.conditions()
 
     def restart(self, mask: Mask) -> None:
-        """Forget what was known of the masked plants (N,): new episodes have begun there."""
+        """Begin new episodes of the masked plants (N,), without what was known of them."""
         self.join(mask)
         self.scenes.placing.forget(mask)
         self.samples.steps[mask] = 0.0
@@ -100,21 +101,21 @@ class FilterCore:
         self.scenes.forget(mask)
 
     def go_on_from(self, other: "FilterCore") -> None:
-        """Let shapes count from when they do in another filter of the same plants."""
+        """Let shapes count from the same times as in another filter of the same plants."""
         self.scenes.placing = copy(other.scenes.placing)
         self.scenes.placing.is_due = True
 
     def look_again(self) -> None:
-        """Let the next `begin` look at scenes, goals and extents anew; what is known stays."""
+        """Let the next `begin` take up scenes, goals and extents; samples are not forgotten."""
         self.samples.fresh[:] = True
 
     def leave_monitor(self) -> None:
-        """Compare nothing: the caller propagates the states and compares its own measurements."""
-        self.made.constants["observed"] = False
+        """Compare no motion: the caller propagates states, and compares its own measurements."""
+        self.config.constants["observed"] = False
 
     def cover(self, covered: object) -> None:
-        """Note whether the promise was tested for the episodes that begin; see `Covering.begin`."""
-        self.covering.begin(covered, self.samples.fresh)
+        """Set the coverage of the episodes that begin; see `EpisodeCoverage.begin`."""
+        self.coverage.begin(covered, self.samples.fresh)
 
     def begin(
         self,
@@ -125,33 +126,35 @@ class FilterCore:
         since: float | None = None,
         is_first: bool = True,
     ) -> Info:
-        """Look at the first states of new episodes, and return the report of a reset.
+        """Take the first states of new episodes, and return the report of a reset.
+
+        The report is that of a step with u* = 0, whose input is not applied and which is undone.
 
         Args:
-            barriers: as they are now.
-            estimate: of the states.
+            barriers: as the plants' reader returns them.
+            estimate: of the plants.
             goal: where guidance leads [m].
-            extent: of the world [m]; None where none is known.
-            since: as `step` takes it.
+            extent: of the world [m]; None if it is not known.
+            since: as in `step`.
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
         """
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since)
         refusal = self.scenes.refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
-            raise refusal  # where no input reaches them, or their code fails, they brake
+            raise refusal  # the plants brake if no input reaches a barrier, or its code fails
         fresh = self.samples.fresh
-        if self.made.is_planar:
-            scenes = self.scenes.now
-            self.covering.doubt(self.scenes.check(scenes.of(fresh)), fresh)
-            self.guide.begin(scenes, (goal, extent), fresh, is_first)
+        if self.config.is_planar:
+            scenes = self.scenes.current
+            self.coverage.check_scenes(self.scenes.check(scenes.of(fresh)), fresh)
+            self.guide.begin(scenes, World(goal, extent), fresh, is_first)
         fresh[:] = False
-        remembered, counted = self._rows.remembered(), self.samples.steps.copy()
+        snapshot, counted = self._rows.snapshot(), self.samples.steps.copy()
         n_u = self.input_set.n_u
-        nothing = np.zeros(n_u if self._alone else (self.count, n_u))
-        u, report = self.step(nothing, barriers, estimate, since)
-        self._rows.restore(remembered)
-        self.scenes.is_due = True
+        zero = np.zeros(n_u if self._alone else (self.count, n_u))
+        u, report = self.step(zero, barriers, estimate, since)
+        self._rows.restore(snapshot)
+        self.scenes.checks_moves = True
         self.samples.steps[:] = counted
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
@@ -165,50 +168,49 @@ class FilterCore:
         barriers: object,
         estimate: Estimate,
         since: float | None = None,
-        world: Sequence[Any] | None = None,
+        world: World | None = None,
     ) -> tuple[Array, Info]:
-        """Filter u* (n_u,) or (N, n_u), and return u with the report of it.
+        """Filter u*, and return u with its report.
 
         Args:
-            u_nominal: u*.
+            u_nominal: (n_u,) u* of one plant, or (N, n_u) of a batch.
             barriers: as the plants' reader returns them.
             estimate: of the plants.
-            since: the time from which shapes count that are others than before [s]; None is the
-                present.
-            world: goal and extent as they are now [m]; None is as they were.
+            since: the time from which changed shapes count [s]; None is the present.
+            world: goal and extent as they are now; None is as they were.
         """
         report = self._bound
         if not self._alone:
             report.renew()  # the user has the memory of the last report
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since)
-        scene = self.scenes.now
-        if self.covering.is_new or not self._alone:
-            self.covering.write(report.plants)
+        scene = self.scenes.current
+        if self.coverage.is_new or not self._alone:
+            self.coverage.write(report.plants)
         if scene.kind.shape[1] != self._m:
             self._m = scene.kind.shape[1]
-            report.widen(self._m, self._m + self.guide.has_row)
-            self._rows.widen(self._m)
+            report.resize(self._m, self._m + self.guide.has_row)
+            self._rows.resize(self._m)
         report.u_nominal[...] = u_nominal
         if self.guides:
             self.guide.lead(scene, report.u_nominal, world)
         own = NO_ROWS
-        if scene.own or not self.made.is_planar:
+        if scene.own or not self.config.is_planar:
             own = self._rows.make(scene, u_nominal)
-        answer = report.filter(scene, own)
-        if answer in (bound.NOT_FINITE, bound.MISSHAPED):
-            self._refuse(answer, u_nominal)
+        result = report.filter(scene, own)
+        if result in (solvers.NOT_FINITE, solvers.MISSHAPED):
+            self._refuse(result, u_nominal)
         if estimate.time is None:
             self.samples.steps += 1.0
-        if answer == bound.ASKS:
-            self._finish(estimate)
-        found = report.report()
-        return found["u_safe"], found
+        if result == solvers.DUE:
+            self._brake_and_warn(estimate)
+        reported = report.report()
+        return reported["u_safe"], reported
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return which `conditions` no input of U met together at the last step of plant i.
 
-        None where one input met all, or the state of the plant was not accepted.
+        It is None if one input met all, or the state of the plant was not accepted.
         """
         if not 0 <= i < self.count:
             raise InvalidInputError(f"i: got {i}, expected a plant from 0 to {self.count - 1}")
@@ -216,12 +218,12 @@ class FilterCore:
             return None
         return conflict_of(self._bound, i, None if self.plant.axle else self.input_set)
 
-    def _refuse(self, answer: int, u_nominal: Array) -> None:
+    def _refuse(self, result: int, u_nominal: Array) -> None:
         """Refuse u* that is not finite, or scenes that are not of these plants."""
-        if answer == bound.MISSHAPED:
+        if result == solvers.MISSHAPED:
             raise InvalidInputError(
-                f"barriers: got scenes of the shape {self.scenes.now.kind.shape} for {self.count} "
-                f"plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
+                f"barriers: got scenes of the shape {self.scenes.current.kind.shape} for "
+                f"{self.count} plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
         bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
         raise InvalidInputError(
@@ -231,26 +233,26 @@ class FilterCore:
             else f"action: got {u_nominal.tolist()}, expected finite numbers"
         )
 
-    def _finish(self, estimate: Estimate) -> None:
-        """Brake as the user requests, and warn."""
-        found, rows = self._bound.plants, self._bound.rows
+    def _brake_and_warn(self, estimate: Estimate) -> None:
+        """Apply the user's own brake, and warn of reasons."""
+        reports, rows = self._bound.plants, self._bound.rows
         if self.plant.brake is not None:
-            for i in np.flatnonzero(found["status"] == FilterStatus.BACKUP):
-                u = self._users_brake(int(i)).astype(self.made.dtype)
-                found["u_safe"][i] = self.samples.input[i] = u
-                found["intervention"][i] = np.linalg.norm(u - found["u_nominal"][i])
+            for i in np.flatnonzero(reports["status"] == FilterStatus.BACKUP):
+                u = self._users_brake(int(i)).astype(self.config.dtype)
+                reports["u_safe"][i] = self.samples.input[i] = u
+                reports["intervention"][i] = np.linalg.norm(u - reports["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
-        reasons = found["reason"].tolist()
+        reasons = reports["reason"].tolist()
         for reason in sorted(set(reasons) - self._warned):
-            known = estimate, self.samples, self.scenes, self.guide
-            cause = cause_of(reason, found["reason"], *known)
+            parts = estimate, self.samples, self.scenes, self.guide
+            cause = cause_of(reason, reports["reason"], *parts)
             kind = kind_of(reason, cause)
             if kind not in self._warned:
                 self._warned.add(kind)
-                warn_of(reason, reasons.count(reason), cause, self.made.brakes_on_alarm)
+                warn_of(reason, reasons.count(reason), cause, self.config.brakes_on_alarm)
 
     def _users_brake(self, i: int) -> Array:
-        """Return the input of U nearest the user's own; nearest 0 where that reads a state."""
+        """Return the input of U nearest the user's brake (n_u,), or nearest 0 if it is invalid."""
         n_u = self.input_set.n_u
         brake: Any = self.plant.brake
         if callable(brake):

@@ -1,7 +1,7 @@
-"""Whether N plants are covered, from episode to episode; `certified` defines *covered*.
+"""The coverage of N plants during their episodes: whether the promise was tested for each plant.
 
-A plant is covered from the beginning of an episode at most until something leaves what was tested.
-It is never covered again before the next episode.
+`certified` defines *covered*. An episode is covered from its beginning, or not at all. It loses its
+coverage when the plant or the scene leaves what was tested, and never regains it.
 """
 
 import numpy as np
@@ -12,79 +12,82 @@ from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filter.certified import CertificateCoverage
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
-PLAIN = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
-"""The `CoveredBy` of a `Coverage` that gives no reason, by its number."""
+DEFAULT_REASONS = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
+"""The `CoveredBy` of each `Coverage`, by its number, where a plant gives no reason."""
 
 
-class Covering:
-    """A `Coverage` and a `CoveredBy` of each of N plants.
+class EpisodeCoverage:
+    """The `Coverage` and the `CoveredBy` of each of N plants in its present episode.
 
     Attributes:
-        is_new: whether one changed since they were written last.
+        is_new: whether an entry changed since `write` was called last.
     """
 
     def __init__(self, plant: Plant, count: int):
-        self._by_certificate = isinstance(plant.covered, CertificateCoverage)
+        self._has_certificate = isinstance(plant.covered, CertificateCoverage)
         self.is_new = True
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
-        self._why: Integers = np.zeros(count, dtype=np.int64)
+        self._reason: Integers = np.zeros(count, dtype=np.int64)
 
     def begin(self, covered: object, fresh: Mask) -> None:
-        """Set the coverage of episodes that begin: `covered` is a `Judged`, or (N,) `Coverage`.
+        """Set the coverage of new episodes; a development version covers none of them.
 
-        A development version covers none, whatever the plant states. `fresh` (N,) masks the
-        plants whose episodes begin.
+        Args:
+            covered: a `Judged`, or one `Coverage` for all plants or for each (N,).
+            fresh: (N,) the plants whose episodes begin.
         """
-        for kept, now in zip((self._coverage, self._why), self._judged(covered), strict=True):
-            kept[fresh] = now[fresh]
-        self.is_new = True
+        judged = self._judged(covered)
+        self._set(fresh, judged.covered, judged.covered_by)
 
-    def follow(self, covered: object) -> None:
-        """Take the coverage away from plants that leave it; `covered` as `begin` takes it."""
-        coverage, why = self._judged(covered)
-        ends = (self._coverage == Coverage.COVERED) & (coverage != Coverage.COVERED)
-        self._coverage[ends], self._why[ends] = coverage[ends], why[ends]
-        self.is_new = True
+    def update(self, covered: object) -> None:
+        """End the coverage of the plants that are not covered now; `covered` is as in `begin`."""
+        judged = self._judged(covered)
+        ends = (self._coverage == Coverage.COVERED) & (judged.covered != Coverage.COVERED)
+        self._set(ends, judged.covered, judged.covered_by)
 
-    def _judged(self, covered: object) -> tuple[Integers, Integers]:
-        """Return (N,) a `Coverage` and a `CoveredBy` of each plant."""
-        shape = self._coverage.shape
-        given = as_array("covered", covered.covered if isinstance(covered, Judged) else covered)
-        known = given.dtype.kind in "iu" and np.isin(given, list(Coverage)).all()
-        if not known or given.shape not in ((), shape):
-            raise InvalidInputError(f"covered: got {covered!r}, expected one of {list(Coverage)}")
-        why = covered.covered_by if isinstance(covered, Judged) else PLAIN[given]
-        unreleased = of_another_version()
-        if unreleased and (given != Coverage.OUTSIDE).any():
-            warn_of_version(unreleased)
-            why = np.where(given != Coverage.OUTSIDE, CoveredBy.VERSION, why)
-            given = np.zeros_like(given)
-        return np.broadcast_to(given, shape), np.broadcast_to(why, shape)
+    def check_scenes(self, scenes: Integers, fresh: Mask) -> None:
+        """End the coverage of new episodes in whose scenes U may not satisfy rank 1.
 
-    def doubt(self, scenes: Integers, fresh: Mask) -> None:
-        """Cover no episode that begins in a scene where U may not satisfy rank 1.
-
-        Only a sufficient condition shows that, which does not overrule a certificate's episodes.
+        The check of U is a sufficient condition. A certificate overrules it, because its episodes
+        have shown that this very plant satisfies rank 1.
 
         Args:
             scenes: a `Coverage` of each scene in which an episode begins.
             fresh: (N,) the plants whose episodes begin.
         """
-        known = self._coverage[fresh]
-        certified = self._by_certificate & (known == Coverage.COVERED)
-        doubted = (scenes == Coverage.OUTSIDE) & ~certified & (known != Coverage.OUTSIDE)
-        self._coverage[fresh] = np.where(doubted, scenes, known)
-        self._why[fresh] = np.where(doubted, CoveredBy.INPUTS, self._why[fresh])
-        self.is_new = True
+        ends = np.zeros_like(fresh)
+        ends[fresh] = (scenes == Coverage.OUTSIDE) & (self._coverage[fresh] != Coverage.OUTSIDE)
+        if self._has_certificate:
+            ends &= self._coverage != Coverage.COVERED
+        self._set(ends, Coverage.OUTSIDE, CoveredBy.INPUTS)
 
-    def change(self, changed: Mask) -> None:
-        """Take the coverage away where a scene changed: it was that of the scene before."""
-        changed = changed & (self._coverage == Coverage.COVERED)
-        self._coverage[changed] = Coverage.SCENE
-        self._why[changed] = CoveredBy.CHANGED
-        self.is_new = True
+    def end_where_changed(self, changed: Mask) -> None:
+        """End the coverage of the masked plants (N,): it was that of the scene before a change."""
+        ends = changed & (self._coverage == Coverage.COVERED)
+        self._set(ends, Coverage.SCENE, CoveredBy.CHANGED)
 
-    def write(self, plants: Records) -> None:
-        """Write what is covered and why into (N,) reports."""
+    def write(self, reports: Records) -> None:
+        """Write coverage and reason into the reports (N,) of the plants."""
         self.is_new = False
-        plants["covered"], plants["covered_by"] = self._coverage, self._why
+        reports["covered"], reports["covered_by"] = self._coverage, self._reason
+
+    def _set(self, mask: Mask, coverage: int | Integers, reason: int | Integers) -> None:
+        """Set the entries of the masked plants (N,) to numbers, or to those of (N,) arrays."""
+        self._coverage = np.where(mask, coverage, self._coverage)
+        self._reason = np.where(mask, reason, self._reason)
+        self.is_new = True
+
+    def _judged(self, covered: object) -> Judged:
+        """Return coverage and reason as (N,) arrays; refuse other values than a `Coverage`."""
+        judged, shape = covered if isinstance(covered, Judged) else None, self._coverage.shape
+        coverage = as_array("covered", covered if judged is None else judged.covered)
+        is_valid = coverage.dtype.kind in "iu" and np.isin(coverage, list(Coverage)).all()
+        if not is_valid or coverage.shape not in ((), shape):
+            raise InvalidInputError(f"covered: got {covered!r}, expected one of {list(Coverage)}")
+        reason = DEFAULT_REASONS[coverage] if judged is None else judged.covered_by
+        unreleased = of_another_version()
+        if unreleased and (coverage != Coverage.OUTSIDE).any():
+            warn_of_version(unreleased)
+            reason = np.where(coverage != Coverage.OUTSIDE, CoveredBy.VERSION, reason)
+            coverage = np.zeros_like(coverage)
+        return Judged(np.broadcast_to(coverage, shape), np.broadcast_to(reason, shape))

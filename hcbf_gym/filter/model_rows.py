@@ -1,6 +1,9 @@
-"""Rows of N plants of any model: usual rows from jets, with alarms and braking inputs."""
+"""Rows of N plants of any model other than the planar double integrator.
 
-from collections.abc import Sequence
+A compiled step compares each sample with what the model predicted, raises alarms, chooses braking
+inputs and makes rows from f, g and the jets of barriers. Python evaluates users' own barriers.
+"""
+
 from typing import Any
 
 import numpy as np
@@ -14,14 +17,14 @@ from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.prepared import Prepared
-from hcbf_gym.barriers.relative_degree import Reach, samples
+from hcbf_gym.barriers.relative_degree import ReachedBarriers, samples
 from hcbf_gym.barriers.rows import WIDTH, PackedRows, States
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.unknown import Entry, Known, largest, slopes
+from hcbf_gym.barriers.unknown import Entry, UncertainStates, largest_inputs, slopes_of
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.bound import Bound
-from hcbf_gym.filter.configured import Configured
-from hcbf_gym.filter.samples import Samples
+from hcbf_gym.filter.configured import FilterConfig
+from hcbf_gym.filter.samples import Samples, Snapshot
 from hcbf_gym.filter.settings import check_hold
 from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.input_sets import Box
@@ -29,27 +32,27 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 
 class ModelRows:
-    """Makes rows, alarms and braking inputs from f, g and jets.
+    """Makes the rows of all barriers. `PlanarRows` does the same for planar double integrators.
 
     Raises:
-        InvalidInputError: if something is to be reserved that has no meaning for the model.
+        InvalidInputError: if an uncertainty is declared that has no meaning for the model.
     """
 
-    def __init__(self, made: Configured, samples: Samples, bound: Bound):
-        self._made, self._samples, self._bound = made, samples, bound
-        model = made.plant.model
-        self._rows_of = GeneralRows(
-            model, made.alpha1, made.alpha2, made.input_set.support, made.alpha_speed
+    def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
+        self._config, self._samples, self._bound = config, samples, bound
+        model = config.plant.model
+        self._general_rows = GeneralRows(
+            model, config.alpha1, config.alpha2, config.input_set.support, config.alpha_speed
         )
-        self._rows_of.kinks = self._kinks = Kinks()
+        self._general_rows.kinks = self._kinks = Kinks()
         self._check_uncertainty()
         self._prepared: Prepared | None = None
         self._warned_of_concave = False
         self._step = self._make_step()
-        self.widen(0)
+        self.resize(0)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; its step is compiled anew."""
+        """Return the attributes for a copy, with the memory of the step in place of the step."""
         return {**vars(self), "_step": self._step.memory()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -58,32 +61,33 @@ class ModelRows:
         self._step.restore(state["_step"])
 
     def _make_step(self) -> _core.ModelStep:
-        """Return the compiled step of the plants, up to their rows."""
-        made, plant, u_set = self._made, self._made.plant, self._made.input_set
+        """Return the compiled step, which reads samples and writes rows."""
+        config, plant, u_set = self._config, self._config.plant, self._config.input_set
         nothing, model = np.zeros(0), plant.model
         limits = nothing, nothing, u_set.vertices().ravel()
         if isinstance(u_set, Box):
             limits = u_set.low, u_set.high, nothing
         return _core.ModelStep(
             compiled(model),
-            np.array(made.reserve.settings),
-            self._rows_of.alphas,
+            np.array(config.reserve.settings),
+            self._general_rows.alphas,
             limits,
-            largest(u_set),
-            ~driven_alone(model),
+            largest_inputs(u_set),
+            ~driven_by_inputs_alone(model),
             u_set.radius,
             plant.uncertainty.confidence,
             plant.period or 0.0,
             -1 if model.velocity_at is None else model.velocity_at,
-            made.count,
+            config.count,
         )
 
     def check(self, barriers: object, given: BarrierSet) -> None:
-        """Refuse barriers that have no rows of the model."""
+        """Refuse barriers that have no rows of this model."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
-                f"plant: got the scenes of an environment with {self._made.plant.model}, expected "
-                "a sequence of barriers: they have rows of the planar double integrator alone"
+                f"plant: got the scenes of an environment with {self._config.plant.model}, "
+                "expected a sequence of barriers: they have rows of the planar double integrator "
+                "alone"
             )
         for scene in given.listed:
             if not all(isinstance(one, Barrier) for one in scene):
@@ -99,53 +103,54 @@ class ModelRows:
                 )
 
     def moves(self, scene: BarrierSet) -> bool:
-        """Return whether a scene depends on time."""
-        seen = {id(one): one for listed in scene.listed for one in listed}
-        n = self._made.plant.model.n
-        return any(reads_time(one, n) for one in seen.values() if isinstance(one, Barrier))
+        """Return whether a barrier of N scenes depends on time."""
+        distinct = {id(one): one for listed in scene.listed for one in listed}
+        n = self._config.plant.model.n
+        return any(reads_time(one, n) for one in distinct.values() if isinstance(one, Barrier))
 
-    def widen(self, m: int) -> None:
-        """Make room for m rows."""
-        self._rows = PackedRows(np.zeros((self._made.count, m, WIDTH + self._made.input_set.n_u)))
+    def resize(self, m: int) -> None:
+        """Allocate the rows (N, m, WIDTH + n_u) of scenes of m barriers."""
+        self._rows = PackedRows(
+            np.zeros((self._config.count, m, WIDTH + self._config.input_set.n_u))
+        )
         self._is_bound = False
 
-    def remembered(self) -> Any:
-        """Return what is known of the plants, for `restore`."""
-        return self._samples.remembered(), self._step.memory()
+    def snapshot(self) -> Snapshot:
+        """Return a copy of the plants' records and of the step's memory, for `restore`."""
+        return self._samples.snapshot()._replace(step=self._step.memory())
 
-    def restore(self, remembered: Any) -> None:
-        """Know what was known before."""
-        known, memory = remembered
-        self._samples.restore(known)
-        self._step.restore(memory)
+    def restore(self, snapshot: Snapshot) -> None:
+        """Set records and memory back to a snapshot."""
+        self._samples.restore(snapshot)
+        self._step.restore(snapshot.step)
 
-    def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
-        """Look at a changed scene, and return its barriers and how inputs reach them."""
+    def accept(self, scene: BarrierSet) -> ReachedBarriers:
+        """Prepare changed scenes; return their barriers and how inputs reach them."""
         self._prepared = None
         first: Any = scene.listed[0]
         same = all(listed is first for listed in scene.listed)
-        scenes: Any = [first] * self._made.count if same else scene.listed
+        scenes: Any = [first] * self._config.count if same else scene.listed
         if not self._warned_of_concave:
             self._warned_of_concave = True
             own = [one for one in first if isinstance(one, Function)]
-            warn_of_concave(own, self._made.plant.model)
-        prepared = self._rows_of.prepare(scenes)
-        shape = scene.is_region  # as of time 0
-        prepared.scenes.parameters[shape] = scene.parameters[shape]
+            warn_of_concave(own, self._config.plant.model)
+        prepared = self._general_rows.prepare(scenes)
+        placed = scene.is_region  # these shapes are where they are at time 0
+        prepared.scenes.parameters[placed] = scene.parameters[placed]
         reaches = [reach for one in prepared.reaches for reach in one]
-        period = self._made.plant.period
+        period = self._config.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
-            check_hold(period, alpha1=self._made.alpha1)
+            check_hold(period, alpha1=self._config.alpha1)
         self._prepared, self._is_bound = prepared, False
         distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
-        return [one for entries in distinct for one in entries], reaches
+        return ReachedBarriers([one for entries in distinct for one in entries], reaches)
 
-    def look_back(self, scene: BarrierSet) -> bool:
-        """Return False: what conditions lacked of the scene until now is unknown."""
+    def evaluate_previous(self, scene: BarrierSet) -> bool:
+        """Return False: rows of other models are not evaluated for the scenes until now."""
         return False
 
     def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
-        """Check the states, compare them with what was expected, and return the rows."""
+        """Return the rows at the present samples, whose states and motion are checked first."""
         self._kinks.u = u_nominal
         prepared, core = self._prepared, self._bound.core
         if core.sense(self._step, self._samples.has_parts) and prepared is not None:
@@ -159,31 +164,33 @@ class ModelRows:
         return self._rows.numbers
 
     def _bind(self, prepared: Prepared) -> None:
-        """Let the compiled step read the scene and write into the rows."""
+        """Let the compiled step read the prepared scenes and write into the rows."""
         self._rows.reads_position[...] = prepared.scenes.keeps_margin
-        margins = prepared.margins(self._made.reserve.fixed)
+        margins = prepared.margins(self._config.reserve.fixed)
         self._step.bind(*prepared.built_in, margins, self._rows.numbers)
         self._is_bound = True
 
     def _write(self, prepared: Prepared, entries: list[Entry]) -> None:
-        """Write the rows of scenes of which Python evaluates some entries."""
-        states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
-        known = Known(states.x, time, states.model, states.lag, states.covariance)
-        uncertain = entries if self._samples.has_parts or reserve.is_steep else []
+        """Write the rows of scenes in which Python evaluates `entries`."""
+        states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
+        uncertain = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
+        sloping = entries if self._samples.has_parts or reserve.is_steep else []
         confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
-            self._step.reserve(*slopes(uncertain, known, confidence, m))
+            self._step.reserve(*slopes_of(sloping, uncertain, confidence, m))
             at = States(states.x, time, *self._step.terms())
-            self._rows_of.write(prepared, at, self._rows)
+            self._general_rows.write(prepared, at, self._rows)
 
     def _check_uncertainty(self) -> None:
-        """Refuse what has no meaning for the model."""
-        model, declared = self._made.plant.model, self._made.plant.uncertainty
-        without = [name for name in ("speed", "speed_per_velocity") if model.velocity_at != 2]
-        why = dict.fromkeys(without, "it has no velocity in x[2:4] that a speed limit reads")
-        if declared.per_velocity > 0.0 and not drifts(model):
-            why["per_velocity"] = "its velocity is the input, so that no body lags behind it"
-        for name, reason in why.items():
+        """Refuse an uncertainty that has no meaning for the model."""
+        model, declared = self._config.plant.model, self._config.plant.uncertainty
+        reasons: dict[str, str] = {}
+        if model.velocity_at != 2:
+            without = "it has no velocity in x[2:4] that a speed limit reads"
+            reasons = {"speed": without, "speed_per_velocity": without}
+        if declared.per_velocity > 0.0 and not has_drift(model):
+            reasons["per_velocity"] = "its velocity is the input, so that no body lags behind it"
+        for name, reason in reasons.items():
             value = getattr(declared, name)
             if value > 0.0:
                 raise InvalidInputError(
@@ -191,22 +198,22 @@ class ModelRows:
                 )
 
 
-def drifts(model: ReducedOrderModel) -> bool:
-    """Return whether the velocity under one input differs from state to state."""
+def has_drift(model: ReducedOrderModel) -> bool:
+    """Return whether the velocity under one input differs between sampled states."""
     f, g = model.terms_of(samples(model)[0])
     return bool(np.ptp(f[:, : model.n_p], axis=0).any() or np.ptp(g[:, : model.n_p], axis=0).any())
 
 
-def driven_alone(model: ReducedOrderModel) -> Mask:
-    """Return (n,) which states an input drives at once, with no drift in them or from them."""
+def driven_by_inputs_alone(model: ReducedOrderModel) -> Mask:
+    """Return (n,) the states that an input drives at once, and that have and cause no drift."""
     states, _ = samples(model)
-    driven = np.zeros(model.n, dtype=np.bool_)
-    moves = np.zeros(model.n, dtype=np.bool_)
+    is_driven = np.zeros(model.n, dtype=np.bool_)
+    drifts = np.zeros(model.n, dtype=np.bool_)
     for x in states:
         f = model.f(x)
-        driven |= (model.g(x) != 0.0).any(axis=1)
-        moves |= f != 0.0
+        is_driven |= (model.g(x) != 0.0).any(axis=1)
+        drifts |= f != 0.0
         for k in range(model.n):
             moved = x + 0.1 * (np.arange(model.n) == k)
-            moves[k] |= bool((model.f(moved) != f).any())
-    return driven & ~moves
+            drifts[k] |= bool((model.f(moved) != f).any())
+    return is_driven & ~drifts

@@ -1,7 +1,6 @@
-"""Positions count from near a plant's start where that is far away, as survey coordinates are."""
+"""The origin of positions: near the start of a plant that begins far away, as in a survey."""
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,23 +15,30 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, S
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 
 FAR = 1e3
-"""A plant that starts farther away counts from there: as far as 10⁴ m rounding counts as little."""
+"""A plant that starts farther away has its own origin, against errors of rounding [m]."""
 SAME_EVERYWHERE = DoubleIntegrator, SingleIntegrator, Unicycle, KinematicBicycle
 """Models that begin with a position, on which ẋ does not depend."""
 
 
-class Origin:
-    """From where positions count: from a far start, or from where they were 0.
+class World(NamedTuple):
+    """What guidance must know of a plant's world, or of N, as their readers return it."""
 
-    Plants of one batch have one origin, near the first of them whose position is finite.
+    goal: Any  # (2,) or (N, 2) where guidance leads [m]
+    extent: Any  # ((x_min, y_min), (x_max, y_max)) in which it leads [m]; None for unknown
+
+
+class Origin:
+    """The origin of the positions of N plants: 0, or near a far start.
+
+    It is near the first plant whose position is finite.
 
     Args:
         model: of the plants; positions of models that are not `SAME_EVERYWHERE` stay as they are.
 
     Attributes:
-        is_decided: whether a position has decided.
-        is_far: whether positions count from elsewhere.
-        at: (2,) from where they count [m].
+        is_decided: whether a position has decided where it is.
+        is_far: whether it is not 0.
+        at: (2,) where it is [m].
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
@@ -57,12 +63,11 @@ class Origin:
         """Let states (N, n) count from here, in place."""
         x[:, :2] -= self.at
 
-    def world(self, world: Sequence[Any] | None) -> Sequence[Any] | None:
-        """Return a goal and an extent as they count from here; what is malformed stays as it is."""
+    def world(self, world: World | None) -> World | None:
+        """Return a world whose positions count from here; malformed ones stay as they are."""
         if world is None or not self.is_far:
             return world
-        goal, extent = (self._point(one) for one in world)
-        return goal, extent
+        return World(*(self._point(one) for one in world))
 
     def _point(self, given: Any) -> Any:
         try:
@@ -71,7 +76,9 @@ class Origin:
             return given
 
     def barriers(self, listed: Any) -> Any:
-        """Return barriers as they count from here; the same objects for those that were given.
+        """Return barriers whose positions count from here.
+
+        A barrier that was in the call before is the same object again.
 
         Args:
             listed: a list of barriers, or N such lists; anything else stays as it is.

@@ -1,7 +1,8 @@
-"""Rows of N planar double integrators: the core makes them, but for users' own barriers."""
+"""Rows of users' own barriers for N planar double integrators.
 
-from collections.abc import Sequence
-from typing import Any
+The compiled filter makes the rows of built-in shapes. Barriers of users' own classes are evaluated
+here, in Python, and the compiled filter reads their finished rows.
+"""
 
 import numpy as np
 
@@ -10,107 +11,108 @@ from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.convexity import warn_of_concave
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import are_same
-from hcbf_gym.barriers.planar_rows import usual, write_own_row
-from hcbf_gym.barriers.relative_degree import Reach
+from hcbf_gym.barriers.planar_rows import Reserved, instant_rows, write_own_row
+from hcbf_gym.barriers.relative_degree import ReachedBarriers
 from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.barriers.unknown import Entry, Known
+from hcbf_gym.barriers.unknown import Entry, UncertainStates
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filter.bound import Bound
-from hcbf_gym.filter.configured import Configured
-from hcbf_gym.filter.samples import Samples
+from hcbf_gym.filter.configured import FilterConfig
+from hcbf_gym.filter.samples import Samples, Snapshot
 
 
 class PlanarRows:
-    """Makes the rows of users' own barriers, which the compiled filter reads."""
+    """Makes the rows of users' own barriers. `ModelRows` does the same for all other models.
 
-    def __init__(self, made: Configured, samples: Samples, bound: Bound):
-        self._made, self._samples, self._bound = made, samples, bound
+    Both are used by `Scenes`, when barriers change, and by `FilterCore`, at every step.
+    """
+
+    def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
+        self._config, self._samples, self._bound = config, samples, bound
         self._kinks = Kinks()
-        self.widen(0)
         self._accepted: tuple[Barrier, ...] = ()
+        self.resize(0)
 
     def check(self, barriers: object, given: BarrierSet) -> None:
-        """Refuse nothing: there are rows of all barriers."""
+        """Accept all barriers: each has a row of this model."""
 
     def moves(self, scene: BarrierSet) -> bool:
-        """Return whether a scene depends on time."""
+        """Return whether a barrier of N scenes depends on time."""
         return bool(scene.moves.any())
 
-    def widen(self, m: int) -> None:
-        """Make room for m rows."""
-        self._own: Array = np.zeros((self._made.count, m, WIDTH + 2))
-        self._own[..., PLACED] = 1.0
+    def resize(self, m: int) -> None:
+        """Allocate the rows (N, m, WIDTH + 2) of scenes of m barriers."""
+        self._rows: Array = np.zeros((self._config.count, m, WIDTH + 2))
+        self._rows[..., PLACED] = 1.0
 
-    def remembered(self) -> Any:
-        """Return what is known of the plants, for `restore`."""
-        return self._samples.remembered()
+    def snapshot(self) -> Snapshot:
+        """Return a copy of the plants' records, for `restore`."""
+        return self._samples.snapshot()
 
-    def restore(self, remembered: Any) -> None:
-        """Know what was known before."""
-        self._samples.restore(remembered)
+    def restore(self, snapshot: Snapshot) -> None:
+        """Set the plants' records back to a snapshot."""
+        self._samples.restore(snapshot)
 
-    def accept(self, scene: BarrierSet) -> tuple[Sequence[Barrier], Sequence[Reach]]:
-        """Return users' own barriers and how inputs reach them, if they are others than before."""
-        own = tuple(scene.own.values())
-        if are_same(own, self._accepted):
-            return (), ()
-        self._accepted = ()
-        reaches = [usual(self._made.row_settings).reach(barrier) for barrier in own]
-        warn_of_concave(own, self._made.plant.model)
-        self._accepted = own
-        return own, reaches
+    def accept(self, scene: BarrierSet) -> ReachedBarriers:
+        """Return users' own barriers of changed scenes; none if they are the same objects."""
+        barriers = tuple(scene.own.values())
+        if are_same(barriers, self._accepted):
+            return ReachedBarriers((), ())
+        self._accepted = ()  # until no error is possible any more
+        reach = instant_rows(self._config.row_settings).reach
+        reaches = [reach(barrier) for barrier in barriers]
+        warn_of_concave(barriers, self._config.plant.model)
+        self._accepted = barriers
+        return ReachedBarriers(barriers, reaches)
 
-    def look_back(self, scene: BarrierSet) -> bool:
-        """Write what strict conditions lack of the scene until now; return whether that is known.
+    def evaluate_previous(self, scene: BarrierSet) -> bool:
+        """Evaluate the scene until now at the present states, for comparison with the next scene.
 
-        The filter answers as if the scene had stayed, and forgets that it did.
+        A step is VIOLATED if its strict conditions lack more than those of the previous scene did.
+        The least h − m [m] and the least ψ [m/s] of that scene are written into the plants'
+        records. All else that the filter changes on the occasion is restored.
+
+        Returns:
+            Whether the previous scene could be evaluated. Scenes with users' own barriers are not.
         """
-        if scene.own or scene.kind.shape[1] != self._own.shape[1]:
+        if scene.own or scene.kind.shape[1] != self._rows.shape[1]:
             return False
-        samples = self._samples
-        before = samples.remembered()
+        snapshot = self._samples.snapshot()
         self._bound.u_nominal[...] = 0.0
         self._bound.filter(scene)
-        plants = samples.plants
+        plants = self._samples.plants
         least = {name: plants[name].copy() for name in ("kept", "headway")}
-        samples.restore(before)
-        unseen = plants["change"] != 0  # by any step: what was before that counts, too
-        for name, now in least.items():
-            plants[name] = np.where(unseen, np.maximum(plants[name], now), now)
+        self._samples.restore(snapshot)
+        pending = plants["change"] != 0  # no step has seen an earlier change, which counts too
+        for name, value in least.items():
+            plants[name] = np.where(pending, np.maximum(plants[name], value), value)
         return True
 
     def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
-        """Return the rows (N, m, WIDTH + 2) of users' own barriers."""
+        """Return the rows (N, m, WIDTH + 2), those of users' own barriers written, at u* (N, 2)."""
         self._kinks.u = u_nominal
         if np.isfinite(u_nominal).all():
-            self._make(scene)
-        return self._own
+            self._bound.core.check_states()
+            self._reserve_and_write(scene)
+        return self._rows
 
-    def _make(self, scene: BarrierSet) -> None:
-        """Check the states, and make the rows."""
-        made, plants, out = self._made, self._samples.plants, self._own
-        self._bound.core.check_states()
-        reach = 0.0 if made.plant.axle is None else made.plant.axle.look_ahead
-        reserve = made.reserve
-        known = Known(*(plants[name].copy() for name in Known._fields))
+    def _reserve_and_write(self, scene: BarrierSet) -> None:
+        """Write the margin of each row, then the row; b is NaN where a barrier is unreadable."""
+        config, plants, rows = self._config, self._samples.plants, self._rows
+        settings = config.row_settings
         entries = [Entry(i, k, barrier) for (i, k), barrier in scene.own.items()]
-        least = scene.own_margin + reserve.fixed
-        reserve.write(
-            (scene.kind, scene.parameters), least,
-            entries if self._samples.has_parts or reserve.is_steep else (),
-            known, plants["growth"].copy(), out,
-        )  # fmt: skip
-        x, time = plants["x"], plants["time"]
+        states = UncertainStates(*(plants[name].copy() for name in UncertainStates._fields))
+        sloping = entries if self._samples.has_parts or config.reserve.is_steep else []
+        config.reserve.write(scene, sloping, states, plants["growth"].copy(), rows)
+        look_ahead = 0.0 if config.plant.axle is None else config.plant.axle.look_ahead
         for i, k, barrier in entries:
-            if barrier.reads_position:  # which binds the point before an axle
-                out[i, k, MARGIN] += reach
-            of_row = out[i, k, MARGIN:USABLE].tolist()
+            row, kinks = rows[i, k], self._kinks.starting_at(i)
+            if barrier.reads_position:  # the row is that of a point before the axle
+                row[MARGIN] += look_ahead
+            reserved, t = Reserved(*row[MARGIN:USABLE].tolist()), float(plants["time"][i])
             try:
                 with np.errstate(all="ignore"):
-                    write_own_row(
-                        barrier, x[i], float(time[i]), made.row_settings, of_row, out[i, k],
-                        self._kinks.from_plant(i),
-                    )  # fmt: skip
+                    write_own_row(barrier, plants["x"][i], t, settings, reserved, row, kinks)
             except UNREADABLE:
-                out[i, k, B] = np.nan
+                row[B] = np.nan

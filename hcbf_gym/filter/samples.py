@@ -1,11 +1,11 @@
-"""The samples of N plants: what a reader returned of each, in one record a plant.
+"""The latest samples of N plants, one record for each plant, which the compiled filter reads.
 
-A value that is malformed, too old or NaN is a *fault* of that plant, a `Reason` by its number. The
-core (`state_check.hpp`) *accepts* a state where there is none.
+A reader returns an `Estimate`. A value of it that is malformed, too old or NaN is a *fault* of that
+plant: the number of a `Reason`. The core (`state_check.hpp`) accepts a state that has no fault.
 """
 
 from types import EllipsisType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,35 +21,45 @@ from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
 
 _FLOAT = np.dtype(np.float64)
 KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))
-"""What an `Estimate.fault` may be."""
+"""The numbers that an `Estimate.fault` may have: none, and the alarms of a plant's own."""
 
 
 class State(NamedTuple):
-    """The states of N plants as they were given, and as they were accepted last."""
+    """The states of N plants in their latest samples, and those that were accepted last."""
 
     x: Array  # (N, n) as the rows read it
     model: Array  # (N, n) the reduced-order model's own
-    lag: Array  # (N, n) the body's minus the model's
+    lag: Array  # (N, n) the body's state minus the model's
     covariance: Array  # (N, n, n) of x
     accepted: Array  # (N, n) the last x that was accepted
+
+
+class Snapshot(NamedTuple):
+    """Copies of what a filter remembers of N plants."""
+
+    plants: Records  # (N,)
+    states: list[Array]  # the arrays of a `State` beside the records; none of planar plants
+    step: Any = None  # of a `ModelRows`: what its compiled step remembers
 
 
 class Samples:
     """The records of N plants, and their states.
 
-    States of planar double integrators are in the records; those `apart` have their own arrays.
+    States of planar double integrators are in the records. Those of other models, which are of
+    another size, are `apart`: in arrays of their own.
 
     Attributes:
-        plants: (N,) `plants.PLANT`.
+        plants: (N,) records of the type `plants.PLANT`.
         words: (N, …) the numbers of which `plants` consists.
-        states: of the plants.
-        input: (N, n_u) which was applied last.
+        states: of the plants, views of `plants` or the arrays of their own.
+        input: (N, n_u) the input that was applied last.
         time: (N,) of the states [s].
-        steps: (N,) since the reset; they make the time where an estimate has none.
-        has_parts: whether the latest sample held a model, a lag or a covariance besides x.
-        wrong_age: why a state is of the wrong age, for plants of the reason AGE.
+        steps: (N,) counts the steps since the reset; times the period it is the time of an
+            estimate without one.
+        has_parts: whether the latest sample had a model's state, a lag or a covariance besides x.
+        wrong_age: in words, why a state is too old or ahead of the clock.
         origin: the position from which positions count.
-        is_rebased: whether the latest sample moved it.
+        is_rebased: whether the latest sample moved the origin.
         fresh: (N,) the plants whose episode begins.
     """
 
@@ -58,195 +68,205 @@ class Samples:
         self._max_age = np.inf if plant.max_age is None else plant.max_age
         self._period = 0.0 if plant.period is None else float(plant.period)
         self._drives = plant.axle is not None
-        # if the latest sample had a fault, parts besides x, an elapsed time, which the next resets
-        self._faulty, self.has_parts, self._varies = False, False, False
+        # whether the latest sample had faults, parts or elapsed times, which the next one resets
+        self._has_faults, self.has_parts, self._has_elapsed = False, False, False
         self.wrong_age, self.is_rebased = "", False
         self.fresh: Mask = np.ones(count, dtype=np.bool_)
         self.steps: Array = np.zeros(count)
         n = plant.model.n
         shapes = (n,), (n,), (n,), (n, n), (n,)
-        own = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
-        self._name_parts(np.zeros(count, dtype=plant_dtype(n_u)), own)
+        states = State(*(np.zeros((count, *shape)) for shape in shapes)) if apart else None
+        self._set_views(np.zeros(count, dtype=plant_dtype(n_u)), states)
         self.forget(np.ones(count, dtype=np.bool_))
 
-    def _name_parts(self, plants: Records, own: State | None) -> None:
-        """Name parts of the records, which look into their memory, and of states of their own."""
-        self.plants, self._own = plants, own
+    def _set_views(self, plants: Records, apart: State | None) -> None:
+        """Set records and states, and the attributes that are views of them."""
+        self.plants, self._apart = plants, apart
         self.words = arrays.numbers_of(plants)
-        self.states = State(*(plants[name] for name in State._fields)) if own is None else own
+        self.states = State(*(plants[name] for name in State._fields)) if apart is None else apart
         self.input: Array = plants["input"]
         self.time: Array = plants["time"]
         self._fault: NDArray[np.int64] = plants["fault"]
         self._has_model: NDArray[np.int64] = plants["has_model"]
-        self._states, *self._parts = (_bare(array) for array in self.states[:4])
-        self._times, self._headings = _bare(self.time), _bare(plants["heading"])
+        self._x, *self._parts = (_of_one_or_many(array) for array in self.states[:4])
+        self._times, self._headings = _of_one_or_many(self.time), _of_one_or_many(plants["heading"])
 
     @property
     def is_apart(self) -> bool:
-        """Whether the states stand beside the records."""
-        return self._own is not None
+        """Whether the states are in arrays of their own."""
+        return self._apart is not None
 
     @property
     def x(self) -> Array:
-        """(N, n) the states."""
+        """(N, n) the states, as the rows read them."""
         return self.states.x
 
+    @property
+    def sound(self) -> Mask:
+        """(N,) the plants whose sample has no fault, or an alarm alone."""
+        return (self._fault == 0) | (self._fault >= FIRST_ALARM)
+
     def forget(self, mask: Mask) -> None:
-        """Know nothing of the masked plants (N,)."""
+        """Clear the records and the states of the masked plants (N,)."""
         self.fresh |= mask
         if mask.all():
             self.origin.forget()
         self.plants[mask] = 0
         self.plants["elapsed"][mask] = self._period
-        for array in self._own or ():
+        for array in self._apart or ():
             array[mask] = 0.0
 
-    def remembered(self) -> tuple[Records, list[Array]]:
-        """Return copies of all that is known."""
-        return self.plants.copy(), [array.copy() for array in self._own or ()]
+    def snapshot(self) -> Snapshot:
+        """Return copies of the records and the states, for `restore`."""
+        return Snapshot(self.plants.copy(), [array.copy() for array in self._apart or ()])
 
-    def restore(self, remembered: tuple[Records, list[Array]]) -> None:
-        """Know what `remembered` returned."""
-        plants, own = remembered
-        self.plants[:] = plants
-        for place, array in zip(self._own or (), own, strict=True):
-            place[:] = array
+    def restore(self, snapshot: Snapshot) -> None:
+        """Set the records and the states back to a snapshot."""
+        self.plants[:] = snapshot.plants
+        for array, before in zip(self._apart or (), snapshot.states, strict=True):
+            array[:] = before
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a copy needs; it names the parts of its records."""
-        views = "words", "states", "input", "time", "_fault", "_has_model", "_states", "_parts"
+        """Return the attributes for a copy, which sets its own views."""
+        views = "words", "states", "input", "time", "_fault", "_has_model", "_x", "_parts"
         views += "_times", "_headings"
         return {name: value for name, value in vars(self).items() if name not in views}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         vars(self).update(state)
-        self._name_parts(self.plants, self._own)
+        self._set_views(self.plants, self._apart)
 
     def take(self, estimate: Estimate) -> None:
-        """Note what is known of the plants, as their reader returned it."""
-        if estimate.fault is not None or self._faulty:
-            self._faulty = estimate.fault is not None
-            self._fault[:] = self._alarms(estimate.fault) if self._faulty else 0
-        noted = sound = self._note(self._states, estimate.x)
+        """Copy an estimate into the records, with the faults of its values."""
+        if estimate.fault is not None or self._has_faults:
+            self._has_faults = estimate.fault is not None
+            self._fault[:] = self._alarms(estimate.fault) if self._has_faults else 0
+        has_x = sound = self._copy(self._x, estimate.x)
         if estimate.time is None:
             self.time[:] = self.steps * self._period
-        elif not self._note(self._times, estimate.time):
-            self.time[:] = -np.inf  # before any other
-        if estimate.elapsed is not None or self._varies:
-            self._varies = estimate.elapsed is not None
+        elif not self._copy(self._times, estimate.time):
+            self.time[:] = -np.inf  # before any other, so that the core refuses it
+        if estimate.elapsed is not None or self._has_elapsed:
+            self._has_elapsed = estimate.elapsed is not None
             sound &= self._take_elapsed(estimate.elapsed)
         has_parts = not (estimate.covariance is estimate.model is estimate.lag is None)
         if has_parts or self.has_parts:
             self.has_parts = has_parts
             sound &= self._take_parts(estimate)
         if self._drives:
-            sound &= self._note(self._headings, estimate.heading)
+            sound &= self._copy(self._headings, estimate.heading)
         if not sound:
-            self.blame(Reason.STATE)
+            self.set_fault(Reason.STATE)
         elif estimate.age is not None:
             self._check_age(estimate.age)
-        origin = self.origin
-        was_far = origin.is_far
-        if noted and not origin.is_decided:
-            good = (self._fault == 0) | (self._fault >= FIRST_ALARM)
-            origin.decide(self.x[good])
-        if origin.is_far:
-            if noted:
-                origin.shift(self.x)
-            if estimate.model is not None:
-                origin.shift(self.states.model)
+        self.is_rebased = False
+        if self.origin.is_far or not self.origin.is_decided:
+            self._rebase(has_x, estimate.model is not None)
+
+    def _rebase(self, has_x: bool, has_model: bool) -> None:
+        """Let the first valid states decide the origin, and count new positions from it."""
+        origin, was_far = self.origin, self.origin.is_far
+        if has_x and not origin.is_decided:
+            origin.decide(self.x[self.sound])
+        if origin.is_far and has_x:
+            origin.shift(self.x)
+        if origin.is_far and has_model:
+            origin.shift(self.states.model)
         self.is_rebased = origin.is_far != was_far
 
+    def set_fault(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
+        """Set the reason why the samples of the masked plants (N,) are not accepted."""
+        self._fault[mask] = reason
+        self._has_faults = True
+
+    def reject(self, reason: Reason, wrong_age: str = "") -> None:
+        """Set a fault of all plants that have none; it takes the place of an alarm."""
+        self.wrong_age = wrong_age or self.wrong_age
+        self.set_fault(reason, self.sound)
+
     def _take_elapsed(self, elapsed: object) -> bool:
-        """Note how long ago the samples before were [s]; return whether that is made of numbers."""
+        """Copy the times since the samples before [s]; return whether they are numbers."""
         since = self.plants["elapsed"]
         since[:] = self._period
         if elapsed is None:
             return True
         numbers = np.empty(len(since))
-        if not self._note(_bare(numbers), elapsed):
+        if not self._copy(_of_one_or_many(numbers), elapsed):
             return False
         is_time = (numbers > 0.0) & (numbers <= LONGEST)
         since[is_time] = numbers[is_time]
         if not is_time.all():
-            self.blame(Reason.STATE, ~is_time)
+            self.set_fault(Reason.STATE, ~is_time)
         return True
 
-    def blame(self, reason: ArrayLike, mask: Mask | EllipsisType = ...) -> None:
-        """Note why the masked plants are not accepted."""
-        self._fault[mask] = reason
-        self._faulty = True
-
-    def doubt(self, reason: Reason, wrong_age: str = "") -> None:
-        """Note why plants are not accepted that would be: an alarm does not hide it."""
-        self.wrong_age = wrong_age or self.wrong_age
-        fault = self.plants["fault"]
-        self.blame(reason, (fault == 0) | (fault >= FIRST_ALARM))
-
     def _take_parts(self, estimate: Estimate) -> bool:
-        """Note model, lag and covariance, and return whether they are made of numbers."""
+        """Copy the model's state, lag and covariance; return whether all are of numbers."""
         self._has_model[:] = estimate.model is not None
         sound = True
         given = estimate.model, estimate.lag, estimate.covariance
-        for place, value in zip(self._parts, given, strict=True):
+        for part, value in zip(self._parts, given, strict=True):
             if value is None:
-                place[...] = 0.0
-            elif not self._note(place, value):
-                place[...] = 0.0
+                part[...] = 0.0
+            elif not self._copy(part, value):
+                part[...] = 0.0
                 sound = False
         return sound
 
-    def _note(self, place: Array, value: object) -> bool:
-        """Copy a value of N plants, or of one with or without a leading 1, to where it belongs."""
-        if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == place.shape:
-            place[...] = value
+    def _copy(self, target: Array, value: object) -> bool:
+        """Copy a value into its array; return False, and copy nothing, if it is malformed.
+
+        The value of one plant may have a leading axis of length 1, or none.
+        """
+        if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == target.shape:
+            target[...] = value
             return True
-        if isinstance(value, float) and place.ndim == 0:
-            place[...] = value
+        if isinstance(value, float) and target.ndim == 0:
+            target[...] = value
             return True
-        shapes = (place.shape, (1, *place.shape)) if len(self.plants) == 1 else (place.shape,)
+        shapes = (target.shape, (1, *target.shape)) if len(self.plants) == 1 else (target.shape,)
         if type(value) is not np.ndarray or value.dtype.char != "d":
-            found = (numbers_of(value, shape) for shape in shapes)
-            value = next((numbers for numbers in found if numbers is not None), None)
+            fits = (real_array(value, shape) for shape in shapes)
+            value = next((numbers for numbers in fits if numbers is not None), None)
         if value is None or value.shape not in shapes:
             return False
-        place[...] = value
+        target[...] = value
         return True
 
     def _alarms(self, fault: object) -> ArrayLike:
-        """Return the alarms (N,) that the plants raise themselves; what is none is a bad state."""
+        """Return (N,) the alarms that plants raise themselves; all other numbers are bad states."""
         alarms = np.zeros(len(self.plants))
-        if not self._note(_bare(alarms), fault):
+        if not self._copy(_of_one_or_many(alarms), fault):
             return Reason.STATE
         return np.where(np.isin(alarms, KNOWN_FAULTS), alarms, Reason.STATE)
 
     def _check_age(self, age: object) -> None:
-        """Note which states are older than the plant allows, ahead of it, or of no age at all."""
+        """Set the fault of states that are too old, ahead of the clock, or of no valid age."""
         ages = np.full(len(self.plants), np.nan)
-        self._note(_bare(ages), age)
+        self._copy(_of_one_or_many(ages), age)
         wrong = ~clocks.is_accepted(ages, self._max_age)
-        self.blame(Reason.AGE, wrong)
-        known = ages[wrong & np.isfinite(ages)]
+        self.set_fault(Reason.AGE, wrong)
+        finite = ages[wrong & np.isfinite(ages)]
         self.wrong_age = ""
-        if known.size:
-            self.wrong_age = f"the state: {clocks.refusal(float(known[0]), self._max_age)}"
+        if finite.size:
+            self.wrong_age = f"the state: {clocks.refusal(float(finite[0]), self._max_age)}"
 
 
-def _bare(numbers: Array) -> Array:
-    """Return numbers of N plants (N, …), without the N where there is one plant: a view."""
+def _of_one_or_many(numbers: Array) -> Array:
+    """Return a view of numbers (N, …), without the leading axis if N is 1."""
     return numbers.squeeze(axis=0) if len(numbers) == 1 else numbers
 
 
 def real_numbers(value: object, shape: tuple[int, ...]) -> Array | None:
-    """Return `value` as a new float64 array if it is one of finite real numbers; else None."""
-    numbers = numbers_of(value, shape)
+    """Return `value` as a new float64 array; None if it is not of that shape and finite."""
+    numbers = real_array(value, shape)
     return None if numbers is None or not np.isfinite(numbers).all() else numbers
 
 
-def numbers_of(value: object, shape: tuple[int, ...]) -> Array | None:
-    """Return `value` as a new float64 array if it is a real one of that shape; else None.
+def real_array(value: object, shape: tuple[int, ...]) -> Array | None:
+    """Return `value` as a new float64 array; None if it is not of that shape and of real numbers.
 
-    Half precision holds no state, and a masked entry is not a number. Some may be infinite or NaN.
+    Entries may be infinite or NaN. Arrays of half precision, which is too coarse for a state, and
+    those with masked entries are refused.
     """
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
         return value.copy()

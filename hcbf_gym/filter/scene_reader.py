@@ -1,7 +1,7 @@
-"""The barriers of N plants as a filter reads them at every step: a sequence, or N sequences.
+"""Reads the barriers of N plants at every step: one sequence for all plants, or N sequences.
 
-As long as they hold the same objects, and elements of several barriers the same conditions, the set
-that was made of them stays: objects are compared, never their values.
+The `BarrierSet` of a step is used again while the sequences hold the same objects, and elements of
+several barriers the same conditions. Objects are compared by identity, never by their values.
 """
 
 import operator
@@ -15,17 +15,17 @@ Listed = tuple[tuple[Any, ...], ...]
 
 
 class SceneReader:
-    """Reads the scenes of `count` plants."""
+    """Returns the set of the scenes of `count` plants."""
 
     def __init__(self, count: int):
         self._count = count
         self._scenes: Listed = ()
-        self._fixed: object = None  # what was read last, if it is immutable
-        self._several: Read = []
+        self._immutable: object = None  # what was read last, if it cannot change
+        self._several: Read = []  # the elements of several barriers, and their conditions then
         self._set = BarrierSet([()] * count)
 
     def __call__(self, barriers: Any) -> BarrierSet:
-        """Return the scenes, the same set as before while they hold the same objects.
+        """Return the scenes as a set, which is that of before if they hold the same objects.
 
         Args:
             barriers: a sequence of elements for all plants; N sequences, of any lengths; or the set
@@ -34,7 +34,7 @@ class SceneReader:
         if isinstance(barriers, BarrierSet):
             self._check(barriers)
             return barriers
-        if barriers is None or not (barriers is self._fixed or self._is_last(barriers)):
+        if barriers is None or not (barriers is self._immutable or self._is_last(barriers)):
             scenes = self._sequences(barriers)
             if len(scenes) != len(self._scenes) or not all(map(are_same, scenes, self._scenes)):
                 self._read(scenes, barriers)
@@ -43,7 +43,7 @@ class SceneReader:
         return self._set
 
     def _is_last(self, barriers: Any) -> bool:
-        """Return whether a list for all plants holds the objects that were read last."""
+        """Return whether `barriers` is a list for all plants with the objects read last."""
         scenes = self._scenes
         return type(barriers) is list and len(scenes) == 1 and are_same(barriers, scenes[0])
 
@@ -63,7 +63,7 @@ class SceneReader:
         return tuple(map(tuple, barriers))
 
     def _check(self, scenes: BarrierSet) -> None:
-        """Refuse a set that is not an environment's, or of another number of plants."""
+        """Refuse a set that is not an environment's, or is of another number of plants."""
         if not scenes.is_placed:
             raise InvalidInputError(
                 "barriers: got a BarrierSet, expected the sequence of barriers of which it was made"
@@ -74,7 +74,7 @@ class SceneReader:
             )
 
     def _read(self, scenes: Listed, barriers: Any) -> None:
-        """Make a set of scenes."""
+        """Make the set of scenes, and note what the next ones are compared with."""
         read = [flattened(scene) for scene in scenes]
         listed: list[Flat] = [flat for flat, _ in read]
         if len(listed) == 1:
@@ -82,5 +82,5 @@ class SceneReader:
         self._set = BarrierSet(listed, self._set if self._count == 1 else None)
         self._several = [pair for _, several in read for pair in several]
         is_tuple = type(barriers) is tuple
-        fixed = is_tuple and (scenes[0] is barriers or all(map(operator.is_, scenes, barriers)))
-        self._scenes, self._fixed = scenes, barriers if fixed else None
+        is_fixed = is_tuple and (scenes[0] is barriers or all(map(operator.is_, scenes, barriers)))
+        self._scenes, self._immutable = scenes, barriers if is_fixed else None

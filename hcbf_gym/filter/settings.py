@@ -1,4 +1,4 @@
-"""What a user asks of a filter, and what follows from it for the rows."""
+"""The settings of a filter, and what follows from them for its rows."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -14,17 +14,17 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
 
 ROW_OPTIONS = ("alpha1", "alpha2", "alpha_speed")
-"""Options that are not the program's."""
+"""The options that belong to rows; all others belong to the program."""
 
 USUAL_ROWS_MARGIN = 0.01
-"""What usual rows reserve at least, against the dip of h between two samples [unit of h]."""
+"""The least that rows of one instant reserve against the dip of h between samples [unit of h]."""
 
 MOST_CORNERS = 64
-"""Of U, that are looked at for the dip."""
+"""The number of corners of U from which the dip is derived, at most."""
 
 
 class FilterSettings(NamedTuple):
-    """What the user asked of a filter: the arguments of `wrappers.SafetyFilter` by their names."""
+    """The arguments of `wrappers.SafetyFilter` that a user gave, by their names."""
 
     program: programs.Named
     rows: str
@@ -38,7 +38,7 @@ class FilterSettings(NamedTuple):
 
 
 def alphas_of(options: Mapping[str, Any], plant: Plant) -> dict[str, ClassK]:
-    """Return α₁, α₂ and that of speeds by their names, those of the options or the plant's."""
+    """Return α₁, α₂ and the α of speeds by their names, from the options or for the plant."""
     linear = class_k.unless_given(plant.period, plant.gain)
     own = LogClassK(), linear, linear
     known = zip(ROW_OPTIONS, own, strict=True)
@@ -46,7 +46,7 @@ def alphas_of(options: Mapping[str, Any], plant: Plant) -> dict[str, ClassK]:
 
 
 def input_limits(input_set: InputSet) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the least and the greatest entries of the inputs of a planar U."""
+    """Return the least (2,) and the greatest (2,) entries of the inputs of a planar U."""
     corners = input_set.vertices()
     (low_x, low_y), (high_x, high_y) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     return (low_x, low_y), (high_x, high_y)
@@ -64,13 +64,13 @@ def check_hold(period: float, **alphas: ClassK) -> None:
 
 
 def dip_of(plant: Plant, input_set: InputSet) -> float:
-    """Return what usual rows reserve against dips of h between samples, a_p T²/2 or more.
+    """Return what rows of one instant reserve against dips of h between samples: a_p T²/2 or more.
 
-    a_p is the greatest acceleration of the position while an input is held, of the corners of U at
-    sampled states of unit size; the velocity of a model that is driven by velocities is in U.
+    a_p is the greatest acceleration of the position while an input is held, at sampled states of
+    unit size and for the corners of U. A model that is driven by velocities has them in U.
 
     Args:
-        plant: of which model and period count.
+        plant: gives the model and the period T.
         input_set: U.
     """
     if plant.period is None:
@@ -86,18 +86,18 @@ def dip_of(plant: Plant, input_set: InputSet) -> float:
     return max(USUAL_ROWS_MARGIN, 2.0 * hardest)  # turned = a_p (T/2)²
 
 
-def kept(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
-    """Return what the rows reserve: for the plant's uncertainty, or a margin given by hand.
+def row_uncertainty(plant: Plant, margin: float | None, dip: float) -> Uncertainty:
+    """Return the uncertainty for which rows reserve a margin.
 
     Args:
-        plant: whose body and whose speed limit count in any case.
-        margin: what rows on the position reserve [m]; None derives it.
-        dip: what rows that are not made for a held input reserve besides [m].
+        plant: gives it, and in any case its body and the margin of its speed limit.
+        margin: the margin of rows on the position [m], given by hand; None derives it.
+        dip: what rows of one instant reserve besides [m]; 0 for rows for a held input.
     """
-    known = plant.uncertainty
+    declared = plant.uncertainty
     if margin is not None:
         distance = finite_float("margin", margin, minimum=0.0)
-        return known._replace(
+        return declared._replace(
             distance=distance, per_velocity=0.0, per_lead=0.0, cap=0.0, confidence=0.0
         )
-    return known._replace(distance=known.distance + dip)
+    return declared._replace(distance=declared.distance + dip)

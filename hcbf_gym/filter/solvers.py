@@ -1,4 +1,4 @@
-"""A program with a solver by name, in the place of the compiled one."""
+"""A program that is solved by a solver by name, in the place of the compiled program."""
 
 from typing import Any
 
@@ -10,24 +10,25 @@ from hcbf_gym.barriers.rows import CbfRows
 from hcbf_gym.errors import SolverError
 from hcbf_gym.programs import FilterResult, FilterStatus, Program
 
-ASKS = 3
-"""What a step returns where a warning is due, see `bound.DONE`."""
+DONE, NOT_FINITE, MISSHAPED, DUE = range(4)
+"""The result of a step: it is complete, u* is not finite, the scenes are not of these plants, or a
+warning or a user's own brake is due."""
 
 
 def answer(program: Program, posed: Any, count: int) -> int:
-    """Filter N plants by a program's answers, and return what `_core.Filter.filter` does.
+    """Filter N plants by a program's answers, and return the result of the step, such as `DONE`.
 
     Args:
         program: with its solver.
         posed: the `_core.Filter` that poses the problems, one plant after the other.
         count: N.
     """
-    found = posed.check()
-    if found:
-        return found
+    result_code = posed.check()
+    if result_code != DONE:
+        return result_code
     for i in range(count):
         if not posed.pose(i):
-            found = max(found, ASKS)
+            result_code = max(result_code, DUE)
             continue
         u, a, b, h, alpha2_psi, priority = posed.problem()
         result = solve(program, u, CbfRows(a, b, h, priority, alpha2_psi))
@@ -36,8 +37,9 @@ def answer(program: Program, posed: Any, count: int) -> int:
             for place, value in zip(posed.answer(), result, strict=False):
                 place[:] = value
             status, fallbacks = result.status, result.fallbacks
-        found = max(found, posed.close(i, result is not None, int(status), int(fallbacks)))
-    return found
+        closed = posed.close(i, result is not None, int(status), int(fallbacks))
+        result_code = max(result_code, closed)
+    return result_code
 
 
 def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:

@@ -83,7 +83,7 @@ class FlatFilter:
             input_limits(made.input_set),
             alpha_speed,
         )
-        check_limits(scene, (period, made.input_set.radius))
+        check_limits(scene, period, made.input_set.radius)
         self.blocks = scene.parameters[0]
         core = _core.PlanarProgram(*made.settings_of(1).values())
         self._fixed = core, kind, scene.priority[0], settings.packed

@@ -1,11 +1,12 @@
-"""Random scenes: a hall with ranked regions, conflicts in a stated share, a path always open.
+"""Random scenes: a hall with ranked regions and a free path from the origin to the goal.
 
-Each region has its own stretch of the hall, so that it leaves `GAP` to its neighbours and to
-both walls: the path exists by construction, and standing still meets every strict row. In a
-conflict the episode starts inside a region of priority 3 whose nearest exit is in one of 2.
+Each region has its own stretch of the hall, and leaves `GAP` to its neighbours and to both walls.
+So a path exists by construction, and to stand still at the start satisfies every strict row. A
+conflict puts the start inside a region of priority 3 whose nearest exit is in one of priority 2.
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
 counts as one region."""
 WIDE_GAP = 1.25
-"""The same of `random-wide` [m], where a robot of .46 m radius passes with room for margins."""
+"""`GAP` of `random-wide` [m], where a robot of 0.46 m radius passes with room for margins."""
 CONFLICT_SHARE = 0.5
 """Share of scenes that start in a conflict, of `random` and `random-moving` alike."""
 START_CLEARANCE = 1.0
@@ -28,13 +29,19 @@ LONGER = 1.7
 """By how much each region beyond `REGIONS` makes the hall longer [m]."""
 
 REGIONS = 5
-"""As many as the shipped families have, and the fewest that a scene can have."""
+"""The number of regions of the shipped families, and the least that a scene can have."""
 
-# what is drawn: four numbers for the hall, one for each region's presence, seven for each region
-_WIDTH, _LENGTH, _GOAL, _CONFLICT = range(4)
-_PLACE, _SIZE, _ALONG, _ACROSS, _KIND, _TURN, _FORM = range(7)
-# a conflict's two regions have no stretch: their draws decide where they are
-_HEADING, _DEPTH, _DISTANCE, _INNER, _OUTER = _SIZE, _ALONG, _ACROSS, _KIND, _TURN
+
+class RegionDraw(NamedTuple):
+    """Random numbers in [0, 1) that decide a region, and what else they decide."""
+
+    place: float  # in the order along the hall; the speed of a moving region
+    size: float  # the heading of a moving region; the direction of a conflict's exit
+    along: float  # position in its stretch; the depth of a conflict's start in the inner region
+    across: float  # position off the straight line; from a conflict's start to the outer region
+    kind: float  # disc, ellipse or polygon; the radius of a conflict's inner region
+    turn: float  # angle of the shape; the radius of a conflict's outer region
+    form: float  # aspect ratio, or number of corners
 
 
 def draw(
@@ -43,47 +50,39 @@ def draw(
     """Fill a scene of two walls and `REGIONS` regions or more; each more makes the hall longer.
 
     Args:
-        generator: of which every scene takes the same number of numbers.
+        generator: of which every scene of as many regions takes the same number of numbers.
         scene: to fill.
-        moving: let the relaxed regions drift that are not part of a conflict.
-        gap: least passage between two regions, and between a region and a wall [m]; a wider one
+        moving: whether relaxed regions drift; those of a conflict never do.
+        gap: least passage between two regions, and between a region and a wall [m]. A wider one
             moves walls and regions apart and the goal farther away.
     """
     hall.check_count(scene, hall.WALLS + REGIONS)
-    goal, n_slots = scene.goal, len(scene.ranks) - hall.WALLS
-    scene.ranks[hall.WALLS :] = ranks = _ranks(n_slots)
-    of_2, of_3 = ranks.index(2), ranks.index(3)
-    numbers = generator.random(4 + n_slots + 7 * n_slots)
-    drawn, presence, chances = np.split(numbers, (4, 4 + n_slots))
-    chances = chances.reshape(n_slots, 7)
-    conflict = drawn[_CONFLICT] < CONFLICT_SHARE
-    order = np.empty(n_slots, dtype=np.int64)
-    n = 0
-    for slot in range(n_slots):  # which regions have a stretch, and in which order
-        in_play = slot in (0, of_2) or presence[slot] < 0.5
-        if in_play and not (conflict and slot in (of_2, of_3)):
-            place = int(n * chances[slot, _PLACE])
-            order[n] = order[place]
-            order[place] = slot
-            n = n + 1
+    count = len(scene.ranks) - hall.WALLS
+    scene.ranks[hall.WALLS :] = ranks = _ranks(count)
+    numbers = generator.random(4 + count + 7 * count).tolist()
+    by_width, by_length, by_goal, by_conflict, *presence = numbers[: 4 + count]
+    draws = [RegionDraw(*numbers[k : k + 7]) for k in range(4 + count, len(numbers), 7)]
+    inner, outer = ranks.index(3), ranks.index(2)
+    is_conflict = by_conflict < CONFLICT_SHARE
+    in_play = [k for k in range(count) if k in (0, outer) or presence[k] < 0.5]
+    order = _shuffled([k for k in in_play if not (is_conflict and k in (inner, outer))], draws)
 
-    half_width = 2.2 + 0.6 * drawn[_WIDTH] + (gap - GAP)
-    length = 8.5 + 1.5 * drawn[_LENGTH] + 0.5 * n * (gap - GAP) + LONGER * (n_slots - REGIONS)
-    goal[0], goal[1] = length, 1.2 * (2.0 * drawn[_GOAL] - 1.0)
-    first = 1.0 + 0.4 + 0.5 * gap if conflict else START_CLEARANCE - 0.5 * gap
-    stretch = (length - 0.6 - first) / n
+    widening = gap - GAP
+    length = 8.5 + 1.5 * by_length + 0.5 * len(order) * widening + LONGER * (count - REGIONS)
+    half_width = 2.2 + 0.6 * by_width + widening
+    scene.goal[:] = length, 1.2 * (2.0 * by_goal - 1.0)
     regions = hall.build(scene, length, half_width)
-    for k in range(n):
-        slot = order[k]
-        reach = first + k * stretch, stretch, half_width - gap
-        _place(regions[slot], chances[slot], reach, gap, goal)
-        if moving and ranks[slot] > 1:
-            speed = MAX_DRIFT * chances[slot, _PLACE]
-            heading = 2.0 * np.pi * chances[slot, _SIZE]
+    first = 1.0 + 0.4 + 0.5 * gap if is_conflict else START_CLEARANCE - 0.5 * gap
+    step = (length - 0.6 - first) / len(order)
+    for place, k in enumerate(order):
+        low = first + place * step + 0.5 * gap
+        _write_region(regions[k], draws[k], low, step - gap, half_width - gap, scene.goal)
+        if moving and ranks[k] > 1:
+            speed, heading = MAX_DRIFT * draws[k].place, 2.0 * np.pi * draws[k].size
             velocity = speed * np.cos(heading), speed * np.sin(heading)
-            scene.velocities[hall.WALLS + slot] = velocity
-    if conflict:
-        _collide(regions[of_3], regions[of_2], chances[of_3])
+            scene.velocities[hall.WALLS + k] = velocity
+    if is_conflict:
+        _write_conflict(regions[inner], regions[outer], draws[inner])
 
 
 @cache
@@ -92,28 +91,39 @@ def _ranks(count: int) -> list[int]:
     return [1 + 5 * k // (2 * count) for k in range(count)]
 
 
-def _place(
-    region: Array, chance: Array, reach: tuple[float, float, float], gap: float, goal: Array
+def _shuffled(regions: list[int], draws: list[RegionDraw]) -> list[int]:
+    """Return regions, by their indices, in the random order in which they are along the hall."""
+    order: list[int] = []
+    for k in regions:
+        place = int(len(order) * draws[k].place)
+        order.append(k)
+        order[place], order[-1] = k, order[place]
+    return order
+
+
+def _write_region(
+    region: Array, drawn: RegionDraw, low: float, length: float, half_width: float, goal: Array
 ) -> None:
-    """Put a region near the straight line, within its stretch (from, length, half width)."""
-    first, stretch, half_width = reach
-    radius = min(1.1, 0.5 * (stretch - gap)) * (0.7 + 0.3 * chance[_SIZE])
-    free = stretch - gap - 2.0 * radius
-    x = first + 0.5 * gap + radius + free * chance[_ALONG]
+    """Write a region (6,) near the straight line to the goal, for x from `low` to `low + length`.
+
+    All |y| in the region are at most `half_width` [m].
+    """
+    radius = min(1.1, 0.5 * length) * (0.7 + 0.3 * drawn.size)
+    x = low + radius + (length - 2.0 * radius) * drawn.along
     straight = goal[1] * x / goal[0]
     across = half_width - radius
-    y = min(max(straight + 0.5 * (2.0 * chance[_ACROSS] - 1.0) * radius, -across), across)
+    y = min(max(straight + 0.5 * (2.0 * drawn.across - 1.0) * radius, -across), across)
     region[X], region[Y], region[RADIUS] = x, y, radius
-    hall.shape(region, chance[_KIND], chance[_TURN], chance[_FORM])
+    hall.shape(region, drawn.kind, drawn.turn, drawn.form)
 
 
-def _collide(inner: Array, outer: Array, chance: Array) -> None:
-    """Put the start inside `inner`, with `outer` beside its nearest exit: a conflict."""
-    heading = 2.0 * np.pi * chance[_HEADING]
-    depth = 0.3 + 0.2 * chance[_DEPTH]
-    distance = 0.1 + 0.1 * chance[_DISTANCE]  # below the depth: the rows exclude another
-    inner[RADIUS] = 0.6 + 0.2 * chance[_INNER]
-    outer[RADIUS] = 0.4 + 0.2 * chance[_OUTER]
+def _write_conflict(inner: Array, outer: Array, drawn: RegionDraw) -> None:
+    """Write `inner` (6,) around the start, and `outer` (6,) over the nearest exit: a conflict."""
+    heading = 2.0 * np.pi * drawn.size
+    depth = 0.3 + 0.2 * drawn.along
+    distance = 0.1 + 0.1 * drawn.across  # below the depth: the two rows exclude each other
+    inner[RADIUS] = 0.6 + 0.2 * drawn.kind
+    outer[RADIUS] = 0.4 + 0.2 * drawn.turn
     back = depth - inner[RADIUS]
     ahead = distance + outer[RADIUS]
     inner[X], inner[Y] = back * np.cos(heading), back * np.sin(heading)

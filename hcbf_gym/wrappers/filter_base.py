@@ -15,6 +15,7 @@ from hcbf_gym.envs.plants import READERS
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, count, floats, instance, warn_caller
 from hcbf_gym.filter import certified
 from hcbf_gym.filter.core import FilterCore
+from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
@@ -66,7 +67,7 @@ class FilterBase:
         self._core = FilterCore(plant, input_set, settings, batch, threads)
         self._dtype = None if plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
-            self._core.made.applied_as(self._dtype)
+            self._core.config.applied_as(self._dtype)
         differences = certified.differences_of(given, self._inner)
         self._limits = certified.judge_filter(settings, plant, differences, one)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
@@ -149,8 +150,8 @@ class FilterBase:
         barriers, state, *world = self._read(*self._reads)
         estimate = state if isinstance(state, Estimate) else Estimate(state)
         if self._covers_anew:
-            core.covering.follow(self._covered())
-        u, report = core.step(u_nominal, barriers, estimate, world=world or None)
+            core.coverage.update(self._covered())
+        u, report = core.step(u_nominal, barriers, estimate, world=World(*world) if world else None)
         applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u.copy())
         observation, reward, terminated, truncated, info = self.env.step(applied)
         self._see(observation, info)

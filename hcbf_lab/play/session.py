@@ -1,6 +1,6 @@
-"""The playground's simulation: commands of a person, and a `Snapshot` after every tick.
+"""The simulation of the playground: it takes commands, and leaves a `Snapshot` after every tick.
 
-It knows no page: commands come through a queue and wait for a tick, which waits for no one.
+It does not depend on a page. Commands of any thread wait in a queue for the next tick.
 """
 
 import queue
@@ -31,21 +31,24 @@ from hcbf_lab.play.settings import HUMAN, Arrangement, Human, Settings, arrange
 
 Source = str | Path | Mapping[str, object] | Scenario
 
-PUSH_TIME = 0.2  # how long a push lasts [s]
-HARDEST_PUSH = 500.0  # [N]
-BEHIND = 0.1  # what a slow machine catches up at most [s of the clock]; beyond it, time runs slower
+PUSH_TIME = 0.2  # the duration of a push [s]
+HARDEST_PUSH = 500.0  # the greatest force of a push [N]
+BEHIND = (
+    0.1  # the most that a slow machine catches up [s of the clock]; beyond it, time runs slower
+)
 REST = 50  # ticks that a robot stays at its goal before it returns
-LATE = 5.0  # how long after the end of a course it begins anew, though the robot is not there [s]
+LATE = 5.0  # so long after the end of a course it begins again, even without the robot there [s]
 CONFLICT_EVERY = 10  # ticks from one conflict report to the next
 
 
 class Session:
-    """A scene, a robot, a filter and a policy that run until they are stopped.
+    """A scene, a robot, a filter and a policy, which run until they are stopped.
 
-    `latest` is the record of the last tick, another object after each.
+    Attributes:
+        latest: the record of the last tick, a new object after each.
 
     Raises:
-        HcbfError: if settings and scene make no environment.
+        HcbfError: if no environment can be made from settings and scene.
     """
 
     def __init__(self, settings: Settings, scenario: Source = "random"):
@@ -61,15 +64,15 @@ class Session:
 
     @property
     def environment(self) -> gym.Env:
-        """The environment that steps, in its filter if there is one."""
-        return self._now.env
+        """The environment, with its filter if there is one."""
+        return self._arrangement.env
 
     def post(self, command: Callable[..., None], *arguments: object, **named: object) -> None:
-        """Leave a command for the next tick; safe from every thread."""
+        """Queue a command for the next tick. Every thread may call this."""
         self._commands.put(partial(command, *arguments, **named))
 
     def run(self, stop: threading.Event) -> None:
-        """Tick at the chosen pace until `stop` is set, or more slowly where a tick takes longer."""
+        """Tick at the chosen pace until `stop` is set, or more slowly if a tick takes longer."""
         due = time.perf_counter()
         while not stop.is_set():
             self.tick()
@@ -78,14 +81,14 @@ class Session:
             time.sleep(max(0.0, due - now))
 
     def tick(self) -> None:
-        """Obey what was posted, step once if time advances, and leave a record."""
+        """Carry out the queued commands, step once if time advances, and leave a record."""
         while not self._commands.empty():
             self._message = ""
             try:
                 self._commands.get()()
             except HcbfError as error:
-                self._revision += 1  # what the page shows has to be put right
-                self._say(str(error))
+                self._revision += 1  # the page has to show the old choices again
+                self._show(str(error))
         if (self._running and self._attended) or self._steps_left:
             self._steps_left = max(0, self._steps_left - 1)
             self._advance()
@@ -93,9 +96,9 @@ class Session:
         self.latest = self._record()
 
     def change(self, **choices: Any) -> None:
-        """Choose anew among the fields of `Settings`; the robot continues from where it is.
+        """Change fields of `Settings`; the robot continues from where it is.
 
-        Another model or body begins at the start, another seed draws a random scene anew.
+        With another model or body it begins at the start. Another seed draws a new random scene.
 
         Raises:
             HcbfError: if a choice is refused; everything stays as it was.
@@ -106,10 +109,10 @@ class Session:
         elif (settings.model, settings.body) != (self.settings.model, self.settings.body):
             self._start(settings, self.scenario)
         else:
-            self._join(arrange(settings, self.scenario, self._now.inner), settings)
+            self._join(arrange(settings, self.scenario, self._arrangement.inner), settings)
 
     def choose_scene(self, scenario: Source) -> None:
-        """Begin in another scene, as environments take it."""
+        """Begin in another scene, which is given as environments take it."""
         scene = self._draw(scenario, self.settings.seed)
         self._start(self.settings, scene)
         self._source = scenario
@@ -117,24 +120,24 @@ class Session:
     def load_scene(self, content: bytes) -> None:
         """Begin in the scene that a file holds."""
         self.choose_scene(editing.from_json(content))
-        self._say(f"The scene {self.scenario.name!r} was loaded.")
+        self._show(f"The scene {self.scenario.name!r} was loaded.")
 
     def restart(self) -> None:
-        """Begin the scene again as it is now, with the same seed."""
+        """Begin the present scene again, with the same seed."""
         scene = self.scenario
-        if isinstance(scene.reference, PointReference):  # it may be on its way back
+        if isinstance(scene.reference, PointReference):  # the robot may be returning to the start
             scene = replace(scene, reference=PointReference(self._goal))
         self._start(self.settings, scene)
 
     def attend(self, watched: bool) -> None:
-        """Let time pass only while somebody watches; who comes first finds the robot under way."""
+        """Let time pass only while somebody watches; begin again for the first one, if it ended."""
         if watched and not self._attended and self._info["is_success"]:
             self.restart()
         self._attended = watched
 
     def move(self, region: str, to: Sequence[float]) -> None:
-        """Move a region (2,) [m]."""
-        self._edit(editing.move(self.scenario, region, to, self._now.inner.time))
+        """Move a region to a position (2,) [m]."""
+        self._edit(editing.move(self.scenario, region, to, self._arrangement.inner.time))
 
     def resize(self, region: str, size: float) -> None:
         """Give a region another size [m]."""
@@ -153,36 +156,36 @@ class Session:
         x, y = finite_array("goal", goal, (2,)).tolist()
         self._edit(replace(self.scenario, reference=PointReference((x, y))))
         self._goal = (x, y)
-        self._say(f"The goal is at {x:.2f}, {y:.2f} m.")
+        self._show(f"The goal is at {x:.2f}, {y:.2f} m.")
 
     def steer(self, velocity: Sequence[float]) -> None:
-        """Hold the stick: the velocity (2,) that a human at it wants [m/s], who leads from now."""
-        wanted = finite_array("stick", velocity, (2,))
-        if wanted.any() and self.settings.policy != HUMAN:
+        """Set the velocity (2,) that a person requests by the stick [m/s], and let them steer."""
+        requested = finite_array("stick", velocity, (2,))
+        if requested.any() and self.settings.policy != HUMAN:
             self.change(policy=HUMAN)
-            self._say("You steer: W A S D and X, or choose another policy to let it go.")
-        self._human.velocity = wanted
+            self._show("You steer: W A S D and X, or choose another policy to let it go.")
+        self._human.velocity = requested
         self._human.target = None
 
     def lead_to(self, target: Sequence[float] | None) -> None:
-        """Drag the stick to a point (2,) [m], or let it go."""
+        """Let a person lead the robot to a point (2,) [m]; None ends that."""
         self._human.target = None if target is None else finite_array("stick", target, (2,))
 
     def push(self, force: Sequence[float]) -> None:
-        """Push the trunk for a moment with a force (2,) in the plane [N]."""
+        """Push the trunk with a horizontal force (2,) [N], for `PUSH_TIME`."""
         pushed = finite_array("push", force, (2,))
-        if not hasattr(self._now.inner, "simulation"):
+        if not hasattr(self._arrangement.inner, "simulation"):
             raise InvalidInputError(
                 "push: got the reduced-order model, expected a robot, which has a body"
             )
         if np.linalg.norm(pushed) > HARDEST_PUSH:
             raise InvalidInputError(f"push: got {pushed} N, expected at most {HARDEST_PUSH:g} N")
-        self._now.inner.simulation.push(np.array([*pushed, 0.0]))
+        self._arrangement.inner.simulation.push(np.array([*pushed, 0.0]))
         self._push_left = round(PUSH_TIME / CONTROL_DT)
         self._forget_least()
 
     def pause(self, paused: bool) -> None:
-        """Stop or go on."""
+        """Stop time, or let it advance."""
         self._running = not paused
 
     def step_once(self) -> None:
@@ -190,11 +193,11 @@ class Session:
         self._running, self._steps_left = False, 1
 
     def set_pace(self, pace: float) -> None:
-        """Run at so many simulated seconds in a second of the clock."""
+        """Set how many seconds are simulated in a second of the clock."""
         self._pace = finite_float("pace", pace, minimum=0.0, exclusive=True)
 
     def _draw(self, source: Source, seed: int, otherwise: Scenario | None = None) -> Scenario:
-        """Return a scene: a random one as the seed has it, another as it is now if it is."""
+        """Return the scene of a source; `otherwise` takes the place of one that is not random."""
         if otherwise is not None and not scenarios.is_random(source):
             return otherwise
         return scenarios.make(source, np.random.default_rng(seed))
@@ -203,7 +206,7 @@ class Session:
         """Begin an episode in a new environment."""
         arrangement = arrange(settings, scenario)
         observation, info = arrangement.env.reset(seed=settings.seed)
-        self._now, self.settings, self.scenario = arrangement, settings, scenario
+        self._arrangement, self.settings, self.scenario = arrangement, settings, scenario
         self._observation, self._info = observation, info
         space: Any = arrangement.inner.action_space
         self._human = Human(space.low.astype(np.float64), space.high.astype(np.float64))
@@ -217,7 +220,7 @@ class Session:
         self._forget_least()
 
     def _join(self, arrangement: Arrangement, settings: Settings) -> None:
-        """Go on in the same episode under another filter or policy."""
+        """Continue the episode with another filter or policy."""
         if arrangement.env is not arrangement.inner:
             filtered: Any = arrangement.env
             with warnings.catch_warnings():
@@ -225,33 +228,35 @@ class Session:
                 filtered.join(self._observation, self._info)
         else:
             self._info.pop("safety_filter", None)
-        self._now, self.settings = arrangement, settings
+        self._arrangement, self.settings = arrangement, settings
         self._conflict = ""
         self._revision += 1
 
     def _edit(self, scenario: Scenario) -> None:
-        """Go on in an edited scene, or in the old one if the filter refuses it or finds no path."""
-        self._now.inner.change_scene(scenario)
+        """Continue in an edited scene; in the old one if the filter refuses it or finds no path."""
+        self._arrangement.inner.change_scene(scenario)
         try:
-            self._join(arrange(self.settings, scenario, self._now.inner), self.settings)
-            filtered: Any = self._now.env
-            if filtered is not self._now.inner and filtered.lost:
+            self._join(arrange(self.settings, scenario, self._arrangement.inner), self.settings)
+            filtered: Any = self._arrangement.env
+            if filtered is not self._arrangement.inner and filtered.lost:
                 raise InvalidInputError(filtered.lost)
         except HcbfError:
-            self._now.inner.change_scene(self.scenario)
-            self._join(arrange(self.settings, self.scenario, self._now.inner), self.settings)
+            self._arrangement.inner.change_scene(self.scenario)
+            self._join(
+                arrange(self.settings, self.scenario, self._arrangement.inner), self.settings
+            )
             raise
         self.scenario = scenario
         self._forget_least()
 
     def _advance(self) -> None:
-        """Step once, unless the robot lies on the floor."""
-        inner = self._now.inner
+        """Step the environment once, and note what the step showed."""
+        inner = self._arrangement.inner
         x = inner.estimate.x.copy()
-        policy = self._now.policy
-        wanted = self._human.act(x) if policy is None else policy(self._observation, self._info)
-        self._action = np.asarray(wanted, dtype=np.float64)
-        self._observation, _, _, _, self._info = self._now.env.step(self._action)
+        policy = self._arrangement.policy
+        action = self._human.act(x) if policy is None else policy(self._observation, self._info)
+        self._action = np.asarray(action, dtype=np.float64)
+        self._observation, _, _, _, self._info = self._arrangement.env.step(self._action)
         self._ticks += 1
         if self._push_left:
             self._push_left -= 1
@@ -261,61 +266,63 @@ class Session:
         self._least = np.minimum(self._least, self._heights("min_"))
         if self._info.get("fallen", 0.0):
             self._running = False
-            self._say("The robot fell. Restart to go on.")
-        self._arrive(policy is None)
+            self._show("The robot fell. Restart to go on.")
+        self._handle_arrival(is_steered=policy is None)
         reported = self._info.get("safety_filter")
         if reported is None or not reported["slack"].any():
             self._conflict = ""
         elif self._ticks % CONFLICT_EVERY == 0 or not self._conflict:
-            filtered: Any = self._now.env
+            filtered: Any = self._arrangement.env
             self._conflict = report.conflict(filtered.conflict(), inner.barriers, x)
 
-    def _arrive(self, steered: bool) -> None:
-        """Say that the robot is at its goal, and after a rest let it go on."""
+    def _handle_arrival(self, *, is_steered: bool) -> None:
+        """Report that the robot is at its goal, and let it return after a rest."""
         if not self._info["is_success"]:
             self._rest = 0
             reference = self.scenario.reference
-            late = self._now.inner.time > reference.duration + LATE
-            if late and not (steered or isinstance(reference, PointReference)):
+            late = self._arrangement.inner.time > reference.duration + LATE
+            if late and not (is_steered or isinstance(reference, PointReference)):
                 self.restart()
-                self._say("The course had ended; here it begins again.")
+                self._show("The course had ended; here it begins again.")
             return
         self._rest += 1
         if self._rest == 1:
-            self._say(f"Arrived after {self._now.inner.time:.1f} s.")
-        if self._rest == REST and not steered and self.settings.returns:
-            self._go_on()
+            self._show(f"Arrived after {self._arrangement.inner.time:.1f} s.")
+        if self._rest == REST and not is_steered and self.settings.returns:
+            self._return()
 
-    def _go_on(self) -> None:
-        """Go back to the start or to the goal again; begin a course anew, or where no way leads."""
+    def _return(self) -> None:
+        """Set the goal to the start, or back; begin again after a course, or without a path."""
         scene = self.scenario
         if not isinstance(scene.reference, PointReference):
             self.restart()
             return
-        back = np.allclose(scene.goal, self._goal)
-        to = scene.start if back else self._goal
+        to_start = np.allclose(scene.goal, self._goal)
+        to = scene.start if to_start else self._goal
         try:
             self._edit(replace(scene, reference=PointReference(to)))
         except HcbfError:
             self.restart()
             return
         self._rest = 0
-        self._say(f"Arrived; now {'back to the start' if back else 'to the goal again'}.")
+        self._show(f"Arrived; now {'back to the start' if to_start else 'to the goal again'}.")
 
     def _forget_least(self) -> None:
         self._least = self._heights().copy()
 
     def _heights(self, least: str = "") -> Array:
-        """Return h (m,) of the centre or the body, now or at its least during the last step."""
+        """Return h (m,) of the body, or of the centre of a point; "min_": the least in a step."""
         body = self._info.get(f"{least}body_h")
         return self._info[f"{least}h"] if body is None else body
 
-    def _say(self, message: str) -> None:
+    def _show(self, message: str) -> None:
+        """Set the message that the page shows."""
         self._message = message
         self._messages += 1
 
     def _record(self) -> Snapshot:
-        inner = self._now.inner
+        """Return all that the page shows of the present tick."""
+        inner = self._arrangement.inner
         regions = self._regions
         reported = self._info.get("safety_filter")
         priority = inner.barrier_set.priority[0]
@@ -332,8 +339,8 @@ class Session:
             status = FilterStatus(int(reported["status"])).name
             gap = float(reported["intervention"])
             reason = int(reported["reason"])
-            kept = float(reported["margin"][:m][regions].max(initial=0.0))
-            details = report.details(reported, kept, self.settings.margin is None)
+            margin = float(reported["margin"][:m][regions].max(initial=0.0))
+            details = report.details(reported, margin, self.settings.margin is None)
         by_rank_h = ranked(h[regions], pick=np.min)
         x = inner.truth
         duration = inner.scenario.reference.duration
@@ -365,5 +372,6 @@ class Session:
         )
 
     def _measured_pace(self) -> float:
+        """Return the simulated seconds in a second of the clock, over the last 50 ticks."""
         (began, first), (now, last) = self._clock[0], self._clock[-1]
         return CONTROL_DT * (last - first) / (now - began) if now > began else 0.0

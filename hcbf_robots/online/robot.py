@@ -1,15 +1,39 @@
-"""The robot of a loop of the user's own, as the filter must know it."""
+"""The robot of a loop of the user's own, and its reduced-order plant."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from numpy.typing import ArrayLike
 
 from hcbf_gym import certificates
-from hcbf_gym.errors import InvalidInputError, finite_float, require_packages, shown, text
+from hcbf_gym.barriers import SpeedLimit, braking
+from hcbf_gym.barriers.class_k import LogClassK
+from hcbf_gym.errors import (
+    CoverageWarning,
+    InvalidInputError,
+    finite_float,
+    require_packages,
+    shown,
+    text,
+    warn_caller,
+)
+from hcbf_gym.models.input_sets import Box, InputSet
+from hcbf_gym.models.plant import Plant
+from hcbf_gym.models.reduced_order import DoubleIntegrator
 from hcbf_robots.walkers import footprint as footprints
+from hcbf_robots.walkers import walker_margins
 from hcbf_robots.walkers.walker_parts import Command
-from hcbf_robots.walkers.walker_response import Response
+from hcbf_robots.walkers.walker_response import Response, assumed
+
+if TYPE_CHECKING:
+    from hcbf_gym.certificates import Certificate
+
+HARDEST = 5.0
+"""Each component of U before the robot's own braking is known [m/s²], as in the paper."""
+USUAL = 1.5
+"""The greatest speed up to which the filter's own α₁ is used [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -69,21 +93,118 @@ def known_of(robot: object) -> Robot:
     return Robot(robot.command, robot.response, robot.reach, known_as=known_as)
 
 
-def cap_of(v_max: object, reserved: float, known: Robot) -> float:
-    """Return a strict cap `v_max` on the speed [m/s]; its row reserves `reserved` [m/s].
+class SpeedCap(NamedTuple):
+    """What a cap on the speed leaves to commands."""
 
-    Raises:
-        InvalidInputError: if it leaves no speed, or is above the greatest command.
-    """
-    least, most = 2.0 * reserved, known.command.fastest
-    cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
-    if least < cap <= most:
-        return cap
-    measured = known.response is not None
-    remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
-    raise InvalidInputError(
-        f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves for "
-        f"the overshoot of {'a' if measured else 'an unmeasured'} robot, and at most "
-        f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
-        f"speed, or command no more: Command(forward={min(cap, most):g}, …){remedy}"
+    limits: tuple[SpeedLimit, ...]  # the condition; empty without a cap
+    begins_at: float  # the greatest speed with which the model begins [m/s]
+    fastest: float  # the greatest commanded speed [m/s]
+
+
+class VelocityPlant(NamedTuple):
+    """The double integrator that follows commands: a robot's centre, or a point before an axle."""
+
+    plant: Plant
+    input_set: InputSet  # U, as the response of the robot leaves it [m/s²]
+    robot: Robot
+    response: Response  # as measured, or assumed of an unmeasured robot
+
+    @property
+    def hardest(self) -> float:
+        """The greatest acceleration along the motion [m/s²]."""
+        axle = self.plant.axle
+        return self.input_set.radius if axle is None else axle.braking
+
+    @property
+    def strays(self) -> float:
+        """The greatest acceleration of the point that follows commands [m/s²]."""
+        axle = self.plant.axle
+        return self.input_set.radius if axle is None else axle.hardest_of_point
+
+    def speed_cap(self, v_max: float | None, period: float) -> SpeedCap:
+        """Return a strict cap `v_max` [m/s], or none, at a period T [s].
+
+        Raises:
+            InvalidInputError: if it is above the greatest command, leaves no speed after its
+                margin, or is passed within one period at full input.
+        """
+        most, reserved = self.robot.command.fastest, self.plant.uncertainty
+        if v_max is None:
+            return SpeedCap((), most, most)
+        cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
+        if not 2.0 * reserved.speed < cap <= most:
+            self._refuse_cap(cap)
+        left, gained = float(braking.speed_left(cap, reserved.speed)), period * self.hardest
+        if left <= gained:
+            raise InvalidInputError(
+                f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
+                f"above {gained:.3g} m/s, which an input reaches within one period: sample faster, "
+                f"or leave v_max out and command no more: Command(forward={cap:g}, …)"
+            )
+        walker_margins.warn_of_standing(cap, reserved, self.response)
+        limits = (SpeedLimit("speed limit", 1, cap),)
+        return SpeedCap(limits, left, math.sqrt(left**2 - gained**2))
+
+    def _refuse_cap(self, cap: float) -> None:
+        least, most = 2.0 * self.plant.uncertainty.speed, self.robot.command.fastest
+        measured = self.robot.response is not None
+        remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
+        raise InvalidInputError(
+            f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves "
+            f"for the overshoot of {'a' if measured else 'an unmeasured'} robot, and at most "
+            f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
+            f"speed, or command no more: Command(forward={min(cap, most):g}, …){remedy}"
+        )
+
+
+def plant_of(
+    robot: Robot,
+    period: float,
+    radius: float | None,
+    max_age: float,
+    certificate: "str | Path | Certificate | None",
+) -> VelocityPlant:
+    """Return the plant of a robot; its arguments are those of `VelocityFilter`."""
+    response = robot.response or assumed(robot.command)
+    if response.complaints:
+        warn_caller(
+            "velocity filter: rank 1 is not promised (covered = 0), as the robot does not "
+            f"follow: {'; '.join(response.complaints)}",
+            CoverageWarning,
+        )
+    if robot.response:
+        walker_margins.warn_of_lateness(robot.command, robot.response)
+    reserved = walker_margins.margins(response, period, robot.known_as)
+    if certificate is not None:
+        reserved = certificates.load(certificate).margins or reserved
+    body = finite_float("radius", robot.reach if radius is None else radius, minimum=0.0)
+    fastest, input_set = (
+        robot.command.fastest,
+        walker_margins.braked(Box.symmetric(HARDEST), response),
     )
+    axle = walker_margins.axle_of(
+        robot.command, response, Box.symmetric(HARDEST), robot.command.forward
+    )
+    plant = Plant(
+        DoubleIntegrator(), _nothing, _nothing, input_set, period=period,
+        uncertainty=reserved._replace(body=body), axle=axle, max_age=max_age,
+        braking=None if axle else walker_margins.stops(response, fastest, input_set),
+        fastest=None if axle else fastest,
+    )  # fmt: skip
+    return VelocityPlant(plant, input_set, robot, response)
+
+
+def alpha1_of(fastest: float) -> LogClassK:
+    """Return α₁ for a robot of a greatest speed [m/s]: the filter's own up to `USUAL`.
+
+    For a faster robot φ₁ grows with the speed, and the slope at 0 stays. With the filter's own φ₁,
+    α₁⁻¹ would grow by the exponential of the speed, and so would how far the robot must see.
+    """
+    usual = LogClassK()
+    grown = max(1.0, fastest / USUAL)
+    return LogClassK(grown * usual.phi1, usual.phi2 / grown, usual.phi3)
+
+
+def _nothing(*_: object) -> tuple[()]:
+    """Return nothing: a reader of the plant that a velocity filter does not use."""
+    return ()

@@ -1,4 +1,4 @@
-"""What a walker's controller observes, as named terms in a list; `TERMS` takes your own."""
+"""The observation of a walker's controller, as a list of named terms; `TERMS` takes your own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,42 +13,42 @@ from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, c
 from hcbf_robots.walkers.walker_model import Indices, Parts, as_slice
 from hcbf_robots.walkers.walker_parts import names, numbers, spread
 
-TOUCH = 5.0  # force from which on a body counts as touched [N]
+TOUCH = 5.0  # the least force with which a body counts as touched [N]
 
 
 class Source(NamedTuple):
-    """What terms read."""
+    """All that terms read: the simulation, and arrays that the controller changes in place."""
 
     model: mujoco.MjModel  # the compiled scene
     data: mujoco.MjData  # its state
     parts: Parts  # names of the robot's parts
-    at: Indices  # where the scene has them
-    command: Array  # (c,) the controller's, now
-    last_action: Array  # (k,) its last output
-    phase: Array  # (p,) the clock's phases now [rad]
+    at: Indices  # indices of these parts in the scene
+    command: Array  # (c,) the present command of the controller
+    last_action: Array  # (k,) the last output of the controller
+    phase: Array  # (p,) the present phases of the clock [rad]
 
 
 Options = Mapping[str, Any]  # of a term, besides its name and scale
 
 
 class Reading(NamedTuple):
-    """One term, ready to be read: how many entries it has, and what writes them."""
+    """One term that is bound to a scene."""
 
-    size: int
-    write: Callable[[Array], object]
+    size: int  # the number of its entries
+    write: Callable[[Array], object]  # writes the present values into an array (size,)
 
 
 @dataclass(frozen=True)
 class Term:
-    """One entry of a contract's observation."""
+    """One term of a contract's observation."""
 
-    term: str  # a name of `TERMS`
-    scale: tuple[float, ...]  # of its entries, a number or one for each
-    options: Options  # of this term besides
+    term: str  # a name in `TERMS`
+    scale: tuple[float, ...]  # factors of its entries: one for all, or one for each
+    options: Options  # the term's further options
 
 
 def read_terms(value: object) -> tuple[Term, ...]:
-    """Return the terms of a contract's list.
+    """Return the terms of the list in a contract.
 
     Raises:
         InvalidInputError: if it is no list of terms, or an option is missing, unknown or malformed.
@@ -59,15 +59,16 @@ def read_terms(value: object) -> tuple[Term, ...]:
 
 
 def _term(item: Any) -> Term:
+    """Return one term, which a contract gives by its name or as a mapping."""
     given = {"term": item} if isinstance(item, str) else item
     records.check_mapping("observation", given)
     if "term" not in given:
         raise InvalidInputError(f"observation: got {given!r}, expected a 'term' in it")
     name = given["term"]
-    required, optional = choose("term", name, TERMS).options
+    kind = choose("term", name, TERMS)
     options = {key: value for key, value in given.items() if key not in ("term", "scale")}
-    check_options(f"observation: {name}", options, (*required, *optional))
-    for key in required:
+    check_options(f"observation: {name}", options, (*kind.required, *kind.optional))
+    for key in kind.required:
         if key not in options:
             raise InvalidInputError(f"observation: {name}: got no {key!r}, expected it")
     for key, value in options.items():
@@ -79,17 +80,17 @@ def _term(item: Any) -> Term:
 
 
 def sensors_of(terms: Sequence[Term]) -> set[str]:
-    """Return the names of the file's sensors that terms read."""
+    """Return the names of the sensors in the robot's file that terms read."""
     return {term.options["name"] for term in terms if term.term == "sensor"}
 
 
 def add_touch_sensors(spec: mujoco.MjSpec, terms: Sequence[Term]) -> None:
-    """Add sensors of the net force on the bodies whose contacts are read, or raise an error."""
-    have = [body.name for body in spec.bodies]
+    """Add sensors of the net force on the bodies whose contacts terms read; refuse other names."""
+    bodies = [body.name for body in spec.bodies]
     for term in terms:
         for body in term.options.get("bodies", ()):
-            if body not in have:
-                raise RobotModelError(f"contacts: got no body {body!r}, expected among {have}")
+            if body not in bodies:
+                raise RobotModelError(f"contacts: got no body {body!r}, expected among {bodies}")
             spec.add_sensor(
                 name=_touch(body),
                 type=mujoco.mjtSensor.mjSENS_CONTACT,
@@ -131,7 +132,7 @@ class Observer:
         ]
 
     def observe(self) -> Array:
-        """Return (size,) the observation; the next call writes to the same array."""
+        """Return the observation (size,); the next call writes into the same array."""
         for write, part in self._writes:
             write(part)
         if self._scaled:
@@ -140,7 +141,7 @@ class Observer:
 
 
 def _copies(view: Array) -> Reading:
-    """Return the reading of an array that is changed in place."""
+    """Return the reading that copies an array, which others change in place."""
     return Reading(view.size, lambda out: np.copyto(out, view))
 
 
@@ -184,7 +185,7 @@ def _rates(s: Source, options: Options) -> Reading:
 
 
 def _driven(s: Source, term: str, at: Integers) -> Integers | slice:
-    """Return where the driven joints are; a slice is read faster."""
+    """Return indices of driven joints, as a slice if possible, which is read faster."""
     if not s.parts.joints:
         raise InvalidInputError(
             f"observation: got {term!r} and no driven joints, expected action: joints"
@@ -219,26 +220,29 @@ def _state(s: Source, options: Options) -> Reading:
 
 
 def _contacts(s: Source, options: Options) -> Reading:
-    at = [s.model.sensor_adr[s.model.sensor(_touch(body)).id] for body in options["bodies"]]
-    places, forces = np.add.outer(np.array(at), np.arange(3)), s.data.sensordata
+    starts = [s.model.sensor_adr[s.model.sensor(_touch(body)).id] for body in options["bodies"]]
+    indices, sensors = np.add.outer(np.array(starts), np.arange(3)), s.data.sensordata
 
     def write(out: Array) -> None:
-        force = forces[places]
+        force = sensors[indices]
         out[:] = (force * force).sum(axis=1) > TOUCH * TOUCH
 
-    return Reading(len(at), write)
+    return Reading(len(starts), write)
 
 
 class Kind(NamedTuple):
-    """A kind of term: how it is made ready, and the options that it must and may have."""
+    """A kind of term."""
 
     bind: Callable[[Source, Options], Reading]
-    options: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    required: tuple[str, ...] = ()  # the options that it must have
+    optional: tuple[str, ...] = ()  # the options that it may have
 
 
 TERMS: dict[str, Kind] = {
-    "sensor": Kind(_sensor, (("name",), ())),  # of the file, by its name
-    "gravity": Kind(_gravity, ((), ("site",))),  # (3,) its direction in a site's or trunk's axes
+    "sensor": Kind(_sensor, required=("name",)),  # a sensor of the robot's file
+    "gravity": Kind(
+        _gravity, optional=("site",)
+    ),  # (3,) its direction in a site's or the trunk's axes
     "linear_velocity": Kind(_linear_velocity),  # (3,) of the trunk's origin, in its axes [m/s]
     "angular_velocity": Kind(_angular_velocity),  # (3,) of the trunk, in its axes [rad/s]
     "joints": Kind(_joints),  # (k,) positions of the driven joints minus home [rad]
@@ -247,6 +251,8 @@ TERMS: dict[str, Kind] = {
     "command": Kind(_command),  # (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
     "phase": Kind(_phase),  # (2k,) cosines of the clock's phases, then their sines
     "state": Kind(_state),  # (nq + nv,) qpos and qvel of the robot
-    "contacts": Kind(_contacts, (("bodies",), ())),  # (k,) 1 where a body is touched by `TOUCH`
+    "contacts": Kind(
+        _contacts, required=("bodies",)
+    ),  # (k,) 1 for a body that `TOUCH` or more touches
 }
-"""name → what a controller may observe."""
+"""The kinds of terms that a controller may observe, by their names."""

@@ -140,8 +140,8 @@ def test_no_scene_of_this_package_requests_too_much_but_lanes_faster_than_the_ro
 def test_a_margin_that_leaves_nothing_of_a_speed_limit_is_refused():
     scenes = BarrierSet([[POND, SpeedLimit("cap", 1, 0.36)]])
     with pytest.raises(InvalidInputError, match=r"got 0\.36 m/s, expected above 0\.36"):
-        check_limits(scenes, (None, 7.0), 0.18)
-    check_limits(scenes, (None, 7.0), 0.17)
+        check_limits(scenes, None, 7.0, 0.18)
+    check_limits(scenes, None, 7.0, 0.17)
 
 
 def weak_scene(limit):

@@ -150,7 +150,7 @@ def test_a_speed_limit_holds_while_any_input_that_meets_its_row_is_held(seed, v_
     alpha = LinearClassK(rng.uniform(0.02, 1.0) / 0.02)
     n, how = 200, RowSettings(period=0.02, u_max=U_MAX, alpha_speed=alpha)
     barriers = BarrierSet([(SpeedLimit("cap", 1, v_max, margin),)] * n)
-    check_limits(barriers, (0.02, U_MAX))
+    check_limits(barriers, 0.02, U_MAX)
     heading, fill = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(0.0, 1.0, n) ** 0.2
     fill[0] = 0.1  # one is slow, whatever is drawn
     highest = np.sqrt(v_max**2 - 2.0 * v_max * margin)
@@ -235,7 +235,7 @@ def test_braking_meets_every_row_of_a_standing_region(kind, gain):
         lambda: RowSettings(alpha_speed=LinearClassK(51.0), period=0.02, u_max=1.0),
         lambda: RowSettings(period=0.02),
         lambda: RowSettings(period=-0.02, u_max=1.0),
-        lambda: check_limits(BarrierSet([[SpeedLimit("cap", 1, 0.1)]]), (0.02, 7.0)),
+        lambda: check_limits(BarrierSet([[SpeedLimit("cap", 1, 0.1)]]), 0.02, 7.0),
     ],
 )
 def test_settings_under_which_no_row_can_hold_are_refused(make):

@@ -250,13 +250,13 @@ def test_a_plant_whose_episodes_showed_it_needs_no_sufficient_condition():
     one = made(certificates.declared(plant, env, None, {}), margins=Uncertainty())
     filtered = SafetyFilter(env, plant=plant, certificate=one)
     filtered._core.samples.fresh[:] = True
-    filtered._core.covering._coverage[:] = Coverage.COVERED
-    filtered._core.covering.doubt(np.array([Coverage.OUTSIDE]), filtered._core.samples.fresh)
-    assert filtered._core.covering._coverage[0] == Coverage.COVERED
+    filtered._core.coverage._coverage[:] = Coverage.COVERED
+    filtered._core.coverage.check_scenes(np.array([Coverage.OUTSIDE]), filtered._core.samples.fresh)
+    assert filtered._core.coverage._coverage[0] == Coverage.COVERED
     bare = SafetyFilter(env, plant=plant)
-    bare._core.covering._coverage[:] = Coverage.COVERED
-    bare._core.covering.doubt(np.array([Coverage.OUTSIDE]), bare._core.samples.fresh)
-    assert bare._core.covering._coverage[0] == Coverage.OUTSIDE
+    bare._core.coverage._coverage[:] = Coverage.COVERED
+    bare._core.coverage.check_scenes(np.array([Coverage.OUTSIDE]), bare._core.samples.fresh)
+    assert bare._core.coverage._coverage[0] == Coverage.OUTSIDE
 
 
 def differs(one, plant, env):

@@ -269,8 +269,8 @@ def test_a_scene_that_changes_or_needs_too_much_is_reported():
     _, info = env.reset(seed=0)
     assert info["safety_filter"]["covered_by"] == CoveredBy.NONE
     env._core.samples.fresh[:] = True
-    env._core.covering.doubt(np.array([Coverage.OUTSIDE]), env._core.samples.fresh)
-    assert env._core.covering._why[0] == CoveredBy.INPUTS
+    env._core.coverage.check_scenes(np.array([Coverage.OUTSIDE]), env._core.samples.fresh)
+    assert env._core.coverage._reason[0] == CoveredBy.INPUTS
 
 
 def leaves(value):

@@ -343,9 +343,9 @@ def test_an_axle_that_brakes_harder_than_its_input_set_is_refused():
 @pytest.mark.parametrize("offset", np.linspace(0.0, 0.05, 6).tolist())
 def test_guidance_leads_through_the_gaps_that_rows_pass_and_through_no_narrower_ones(offset):
     core = filter_of(ROOM, guidance="geodesic")
-    passes = 2.0 * (core.made.clearance + 0.5 * core.made.cell)
+    passes = 2.0 * (core.config.clearance + 0.5 * core.config.cell)
     assert 2.0 * BODY < passes < 0.76
-    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.made.cell, 1)):
+    for width, through in ((passes + 0.01, 0), (passes - 2.0 * core.config.cell, 1)):
         low, high = offset - 0.5 * width, offset + 0.5 * width
         filt = [
             ConvexPolygon("a", 1, ((1.0, high), (1.15, high), (1.15, 4.0), (1.0, 4.0))),

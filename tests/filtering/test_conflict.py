@@ -26,7 +26,7 @@ SCENE = [
 
 
 def by_hand(filt, x, report):
-    settings = filt._core.made.row_settings
+    settings = filt._core.config.row_settings
     batch = planar_rows(BarrierSet([SCENE]), x[None], np.zeros(1), settings, report["margin"][None])
     rows = CbfRows(batch.a[0], batch.b[0], batch.h[0], batch.priority[0], batch.alpha2_psi[0])
     slack = report["slack"]

@@ -281,7 +281,7 @@ def test_after_a_fault_the_last_manoeuvre_goes_on_for_at_most_max_age():
     for max_age, steps in ((None, 40), (0.1, 5)):
         filt = hcbf_gym.BatchFilter(BOX, T, strict="gatekeeper")
         if max_age is not None:
-            filt._core.made.constants["longest"] = max_age
+            filt._core.config.constants["longest"] = max_age
         filt.set_scene([lane, SpeedLimit("v", 1, 1.5)])
         x = np.array([0.0, 0.0, 1.2, 0.0])
         filt.reset(x=x)
@@ -453,7 +453,7 @@ def test_environments_and_vectors_of_them_take_it():
         others = envs.step(np.full((2, 2), 5.0, dtype=np.float32))[4]["safety_filter"]
         assert info["u_safe"].tobytes() == others["u_safe"][0].tobytes()
         assert info["verified"] > 0
-    assert gym.make(env.spec).get_wrapper_attr("_core").made.gate.directions == 16
+    assert gym.make(env.spec).get_wrapper_attr("_core").config.gate.directions == 16
     env.close()
     envs.close()
 

@@ -298,7 +298,7 @@ def test_guidance_looks_at_a_list_that_was_changed_and_set_again():
             listed.append(new)
             subject.barriers = listed
         subject.step((0.3, 0.0), np.zeros(3), np.zeros(3), 5.0 * k)
-        looked.append(subject._led_from)
+        looked.append(subject._input._guided_at)
     assert looked == [0.0, 5.0]
     with pytest.raises(ValueError, match="read-only"):
         subject.goal[:] = 0.0
