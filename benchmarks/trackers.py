@@ -14,9 +14,10 @@ import numpy as np
 import tyro
 
 from hcbf_gym import BatchFilter
+from hcbf_gym._core import Reason
 from hcbf_gym.barriers import Disc, Shapes
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.programs import FilterStatus
 
 NOISE = 0.02  # By how much a position is wrong at most [m]; of normal errors, three deviations

@@ -78,7 +78,7 @@ class Reserve:
         """
         of_inputs, settings = largest(self._input_set), np.array(self.settings)
         of = _core.Reserve(compiled(self._model), settings, of_inputs, self._period, len(least))
-        sloping = slopes(entries, known, self.settings.confidence, least.shape[1])
+        sloping = slopes(entries, known, self.settings, least.shape[1])
         of.write(*known, growth, *scene, least, *sloping, self._model.n_p, out)
 
 
@@ -89,14 +89,14 @@ def largest(input_set: InputSet) -> Array:
 
 
 def slopes(
-    entries: Sequence[Entry], known: Known, confidence: float, m: int
+    entries: Sequence[Entry], known: Known, settings: Uncertainty, m: int
 ) -> tuple[Array, Array]:
     """Return ∇h (N, m, n) and what h may lose in second order (N, m); NaN of unreadable entries.
 
     Args:
         entries: the barriers that are no built-in shapes.
         known: of the plants.
-        confidence: κ.
+        settings: what a deviation reserves.
         m: how many places a scene has.
     """
     x, time = known.x, known.time
@@ -105,7 +105,8 @@ def slopes(
         return gradient, bend
     off = x - (known.model + known.lag)
     values, vectors = np.linalg.eigh(known.covariance)
-    root = confidence * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
+    scale = _core.margin_of_deviation(np.array(settings), 1.0)
+    root = scale * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
     together: dict[tuple[int, int], list[Entry]] = {}
     for entry in entries:
         together.setdefault((entry.place, id(entry.barrier)), []).append(entry)

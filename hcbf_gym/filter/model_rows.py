@@ -170,9 +170,9 @@ class ModelRows:
         states, time, reserve = self._samples.states, self._samples.time, self._made.reserve
         known = Known(states.x, time, states.model, states.lag, states.covariance)
         uncertain = entries if self._samples.has_parts or reserve.is_steep else []
-        confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
+        m = self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
-            self._step.reserve(*slopes(uncertain, known, confidence, m))
+            self._step.reserve(*slopes(uncertain, known, reserve.settings, m))
             at = States(states.x, time, *self._step.terms())
             self._rows_of.write(prepared, at, self._rows)
 

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.barrier import Barrier
@@ -34,7 +35,7 @@ from hcbf_gym.filter.samples import Samples
 from hcbf_gym.filter.scene_reader import SceneReader
 from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import SEEN_FOR
-from hcbf_gym.models.plant import FIRST_ALARM, Coverage, Estimate, Reason
+from hcbf_gym.models.plant import Coverage, Estimate
 
 
 class Scenes:

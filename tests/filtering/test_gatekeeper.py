@@ -12,6 +12,7 @@ from readable_gate import input_of, moved, path, reserves
 import hcbf_gym
 from benchmarks import gatekeeper as attack
 from hcbf_gym import _core
+from hcbf_gym._core import Reason
 from hcbf_gym.barriers import (
     Capsule,
     ConvexPolygon,
@@ -26,7 +27,6 @@ from hcbf_gym.barriers import (
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.filter import gatekeeper
 from hcbf_gym.models.input_sets import Ball, Box
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 

@@ -51,10 +51,10 @@ inline Reserve reserve_of(const Constants& c, const plants::Plant& plant) {
   const double slip = std::hypot(plant.lag[2], plant.lag[3]), lead = std::hypot(plant.lag[0], plant.lag[1]);
   const double tracking = std::min(s.cap, s.per_velocity * slip + s.per_lead * lead);
   const double most = margins::most(s, {plant.x, plant.time, plant.model, plant.lag, covariance, plant.growth});
-  const double spread = s.confidence * std::sqrt(margins::largest(covariance, 0));
+  const double spread = margins::reserved(s, std::sqrt(margins::largest(covariance, 0)));
   const auto fast = [&](double growth) {
     const double known = plant.has_model != 0 ? 0.0 : c.velocity_error;
-    return known + s.confidence * std::sqrt(margins::largest(covariance, 2) + growth);
+    return known + margins::reserved(s, std::sqrt(margins::largest(covariance, 2) + growth));
   };
   const double now = c.period * fast(plant.growth), next = c.period * fast(2.0 * plant.growth);
   return {most - s.cap + tracking + now,
