@@ -1,7 +1,7 @@
 """What a built-in shape is: fields with their checks, and how it is packed, drawn and moved.
 
-Each has a file in `shapes` and a struct in core/include/hcbf/shapes.hpp, whose functions evaluate its
-block of numbers (see `layout`) at a point of the shape's own frame.
+Each has a file in `shapes` and a struct in core/include/hcbf/shapes.hpp, whose functions evaluate
+its block of numbers (see `layout`) at a point of the shape's own frame.
 """
 
 from abc import abstractmethod
