@@ -18,6 +18,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.models import Box, Uncertainty
+from tests.worlds import with_others
 
 PLAIN = Draw(0.02, LogClassK(), 2.0, Box.symmetric(5.0), 0.0, 0.0, "exact", (), False, "lex-cbf-qp")
 WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0)
@@ -71,7 +72,7 @@ def test_random_scenes_are_entered_only_with_a_report():
 
 
 NOTHING = np.zeros((1, 4)), np.zeros((1, 4, 4))
-SHAPES = (
+SHAPES = with_others(
     Disc("disc", 1, (0.0, 0.0), 1.0),
     Ellipse("ellipse", 1, (0.0, 0.0), (2.0, 0.2), 0.3),
     ConvexPolygon("triangle", 1, ((-1.0, -1.0), (1.0, -0.5), (0.0, 1.0))),

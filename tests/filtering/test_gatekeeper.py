@@ -29,17 +29,18 @@ from hcbf_gym.filter import gatekeeper
 from hcbf_gym.models.input_sets import Ball, Box
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.worlds import with_others
 
 T = 0.02
 BOX = Box.symmetric(5.0)
 SETS = [BOX, Box((-2.0, -4.0), (3.0, 1.0)), Ball(4.0, 16), Ball(3.0, 3), Ball(3.0, 5)]
-REGIONS = [
+REGIONS = with_others(
     HalfPlane("wall", 1, (0.6, 0.8), -0.3),
     Disc("disc", 1, (0.3, -0.2), 0.4),
     Ellipse("ellipse", 1, (0.2, 0.1), (0.7, 0.2), 0.5),
     Capsule("capsule", 1, (-0.4, 0.0), (0.5, 0.3), 0.2),
     ConvexPolygon("polygon", 1, ((-0.5, -0.3), (0.4, -0.4), (0.6, 0.2), (-0.1, 0.5))),
-]
+)
 
 
 def block(shape):
