@@ -1,10 +1,15 @@
-"""The built-in shapes and their rows again, in NumPy: what the compiled ones are compared with."""
+"""The built-in shapes, rows and margins in NumPy: what the compiled ones are compared with."""
 
 import numpy as np
 
 from hcbf_gym.barriers import Capsule, ConvexPolygon, Core, Disc, Ellipse, HalfPlane, SpeedLimit
 
 TINY = 1e-9
+
+
+def reserved(confidence, deviation):
+    """Return what is reserved for a standard deviation."""
+    return confidence * deviation
 
 
 def jet(barrier, q):

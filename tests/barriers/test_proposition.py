@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -108,4 +109,4 @@ def test_a_speed_limit_keeps_for_the_largest_error_of_the_velocity():
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     covariance[0, 2:, 2:] = turn @ np.diag([0.04, 0.0001]) @ turn.T
     margin, *_ = reserved(scenes, Uncertainty(confidence=4.0), x, x, NOTHING[0], covariance)
-    assert margin[0, 1] == pytest.approx(4.0 * 0.2)
+    assert margin[0, 1] == pytest.approx(readable.reserved(4.0, 0.2))
