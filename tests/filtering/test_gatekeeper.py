@@ -129,7 +129,7 @@ def test_what_follows_an_accepted_input_is_clear_until_rest_and_after_it(input_s
     for _ in range(15):
         scene = [
             one.moved(rng.uniform(1.2, 2.0) * np.array([np.cos(a), np.sin(a)]))
-            for one, a in zip(REGIONS, rng.uniform(0, 6.28, 5), strict=True)
+            for one, a in zip(REGIONS, rng.uniform(0, 6.28, len(REGIONS)), strict=True)
         ]
         scene[1] = Disc("moves", 1, (2.0, 1.5), 0.3, velocity=rng.normal(size=2))
         scene = [one for one in scene if one.jet(np.zeros(4)).h > 0.3] + [SpeedLimit("v", 1, 1.5)]

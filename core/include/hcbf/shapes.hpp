@@ -239,20 +239,12 @@ struct Capsule {
   }
 };
 
-// What is no shape: infinitely far.
-struct None {
+// What is no shape: like a wall, infinitely far.
+struct None : HalfPlane {
   template <class Number>
   static PlanarJetOf<Number> jet(const Number*, const Number&, const Number&) {
     return {INF, 0.0, 0.0, INF, 0.0, 0.0};
   }
-
-  template <class Number>
-  static CoreOf<Number> core(const Number*, const Number&, const Number&,
-                             const PlanarJetOf<Number>&, const Number&) {
-    return {INF, INF, false};
-  }
-
-  static Bounds bounds(const double*) { return {}; }
 };
 
 // Calls a function with the shape whose kind is given.
