@@ -35,7 +35,7 @@ struct Ellipse {
   }
 
   template <class Number>
-  static PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  [[gnu::noinline]] static PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
     using namespace functions;
     const Number dx = x - c[CENTER_X], dy = y - c[CENTER_Y];
     const Number a = c[LONGER], b = c[SHORTER], cos = c[COS], sin = c[SIN];

@@ -1,5 +1,5 @@
 // The built-in shapes, and how one is found by its kind. c is its block (WIDTH,), see `layout`. A new shape is a
-// struct such as `Disc` and a place in the list at the end.
+// struct such as `Disc` and a place in the list at the end. Long jets are not inlined: they would slow the others.
 #pragma once
 #include <algorithm>
 
@@ -124,7 +124,7 @@ struct ConvexPolygon {
   }
 
   template <class Number>
-  static PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  [[gnu::noinline]] static PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
     using namespace functions;
     const int corners = count(c);
     Number nearest2 = INF, offset_x = 0.0, offset_y = 0.0, edge_x = 0.0, edge_y = 0.0;
@@ -202,7 +202,7 @@ struct Capsule {
   }
 
   template <class Number>
-  static PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
+  [[gnu::noinline]] static PlanarJetOf<Number> jet(const Number* c, const Number& x, const Number& y) {
     using namespace functions;
     const Number dx = x - c[START_X], dy = y - c[START_Y], ax = c[ALONG_X], ay = c[ALONG_Y];
     const Number along = ax * dx + ay * dy;
@@ -289,7 +289,7 @@ inline PlanarJetOf<Number> jet(Index kind, const Number* c, const Number& x, con
 // far in one period [m].
 template <class Number>
 inline CoreOf<Number> core(Index kind, const Number* c, const Number& x, const Number& y,
-                           const PlanarJetOf<Number>& at, const Number& reach) {
+                           PlanarJetOf<Number> at, const Number& reach) {
   return All::visit(kind, [&](auto shape) { return shape.core(c, x, y, at, reach); });
 }
 
