@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import hcbf_gym
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import (
     Barrier,
@@ -24,7 +25,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.models.input_sets import Ball, Box
-from hcbf_gym.models.plant import Estimate, Reason, Uncertainty
+from hcbf_gym.models.plant import Estimate, Uncertainty
 from hcbf_gym.programs import FilterStatus
 
 LOOKS = 16

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hcbf_gym._core import FIRST_ALARM
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, ConvexPolygon, HalfPlane
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, VelocityFilter
 from hcbf_robots.identification.identify import Runner

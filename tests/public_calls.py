@@ -293,12 +293,10 @@ def calls() -> dict[str, Call]:
         "SingleIntegrator": Call(models.SingleIntegrator, given(n_u=2)),
         "Unicycle": Call(models.Unicycle, {}),
         "KinematicBicycle": Call(models.KinematicBicycle, given(rear=1.5)),
-        "Disc": Call(barriers.Disc, given(name="a", priority=1)),
-        "HalfPlane": Call(barriers.HalfPlane, given(name="a", priority=1)),
-        "Ellipse": Call(barriers.Ellipse, given(name="a", priority=1)),
-        "ConvexPolygon": Call(barriers.ConvexPolygon, given(name="a", priority=1)),
-        "Capsule": Call(barriers.Capsule, given(name="a", priority=1)),
-        "SpeedLimit": Call(barriers.SpeedLimit, given(name="a", priority=1)),
+        **{
+            cls.__name__: Call(cls, given(name="a", priority=1))
+            for cls in (*barriers.shapes.SHAPES, barriers.SpeedLimit)
+        },
         "Function": Call(barriers.Function, given(
             name="a", priority=1, function=lambda x, t, p: x[0] - p[0],
         )),

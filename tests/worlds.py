@@ -6,7 +6,14 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym.barriers import Barrier, Jet, PlanarBarrier
+from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.models import ControlAffine, DoubleIntegrator
+
+
+def with_others(*given):
+    """Return shapes, and one of each built-in class that is not among them."""
+    classes = {type(one) for one in given}
+    return [*given, *(cls(cls.kind, 1) for cls in SHAPES if cls not in classes)]
 
 
 class World(gym.Env):

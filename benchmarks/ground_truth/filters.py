@@ -8,11 +8,11 @@ import numpy as np
 
 from benchmarks.ground_truth.truths import PERIOD, REACH, Truth
 from hcbf_gym import BatchFilter
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier
 from hcbf_gym.filter.settings import ROW_OPTIONS
 from hcbf_gym.models.input_sets import Box
-from hcbf_gym.models.plant import Reason
 
 BRAKE = {"kind": "brake", "deceleration": 0.9 * REACH, "offset": 0.9 * REACH * PERIOD}
 """α₁ for `BrakeClassK`, as steep as a held input permits."""

@@ -1,4 +1,7 @@
 // Class-K functions, shapes, and the rows of barriers.
+#include <algorithm>
+
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -20,10 +23,6 @@ using Written = Vector<double>;
 using WrittenTable = Matrix<double>;
 using WrittenStack = Cube<double>;
 using Atlas = Vector<const double>;  // without numbers where there is no map
-using Pair = std::pair<double, double>;
-using Two = std::array<double, 2>;
-
-Two array(const Pair& pair) { return {pair.first, pair.second}; }
 
 void bind_class_k(nb::module_& m) {
   m.def("class_k_value", &class_k::value<double>, "c"_a,
@@ -43,44 +42,24 @@ void bind_class_k(nb::module_& m) {
       "y"_a, "Return the h of which α(h) = y.");
 }
 
+// Binds what writes a shape's block as `disc_write`; the arguments are those of `write`.
+template <class... Given>
+void bind_write(nb::module_& m, std::string kind, Index (*write)(double*, Given...)) {
+  std::replace(kind.begin(), kind.end(), '-', '_');
+  m.def((kind + "_write").c_str(),
+        [write](const Written& c, std::decay_t<Given>... given) { return write(c.data, given...); },
+        "Write a shape into the block c (WIDTH,) and return its kind.");
+}
+
+template <class... Shapes>
+void bind_writes(nb::module_& m, List<Shapes...>) {
+  nb::dict codes;
+  ((bind_write(m, Shapes::KIND, Shapes::write), codes[Shapes::KIND] = Shapes::CODE), ...);
+  m.attr("SHAPES") = codes;
+}
+
 void bind_shapes(nb::module_& m) {
-  m.def(
-      "half_plane_write",
-      [](const Written& c, Pair normal, double offset) {
-        return half_plane::write(c.data, array(normal).data(), offset);
-      },
-      "c"_a, "normal"_a, "offset"_a,
-      "Write a half-plane into the block c (WIDTH,) and return its kind.");
-  m.def(
-      "disc_write",
-      [](const Written& c, Pair velocity, Pair center, double radius) {
-        return disc::write(c.data, array(velocity).data(), array(center).data(), radius);
-      },
-      "c"_a, "velocity"_a, "center"_a, "radius"_a,
-      "Write a disc into the block c (WIDTH,) and return its kind.");
-  m.def(
-      "ellipse_write",
-      [](const Written& c, Pair velocity, Pair center, Pair semi_axes, double angle) {
-        return ellipse::write(c.data, array(velocity).data(), array(center).data(), array(semi_axes).data(),
-                              angle);
-      },
-      "c"_a, "velocity"_a, "center"_a, "semi_axes"_a, "angle"_a,
-      "Write an ellipse into the block c (WIDTH,) and return its kind.");
-  m.def(
-      "convex_polygon_write",
-      [](const Written& c, Pair velocity, const Table& vertices) {
-        return convex_polygon::write(c.data, array(velocity).data(), vertices);
-      },
-      "c"_a, "velocity"_a, "vertices"_a,
-      "Write a polygon with the corners (k, 2) into the block c (WIDTH,) and return its kind.");
-  m.def(
-      "capsule_write",
-      [](const Written& c, Pair velocity, Pair start, Pair end, double radius) {
-        return capsule::write(c.data, array(velocity).data(), array(start).data(), array(end).data(),
-                              radius);
-      },
-      "c"_a, "velocity"_a, "start"_a, "end"_a, "radius"_a,
-      "Write a capsule into the block c (WIDTH,) and return its kind.");
+  bind_writes(m, shapes::All{});
   m.def(
       "shape_jet",
       [](Index kind, const Line& c, double x, double y) {
@@ -91,11 +70,11 @@ void bind_shapes(nb::module_& m) {
       "Return H, ∇H (x, y), d and t (x, y) at a point of a shape's frame, where ∇²H = t tᵀ / d.");
   m.def(
       "shape_core",
-      [](Index kind, const Line& c, double x, double y, double h, double distance, double reach) {
-        const Core core = shapes::core(kind, c.data, x, y, h, distance, reach);
+      [](Index kind, const Line& c, double x, double y, double reach) {
+        const Core core = shapes::core(kind, c.data, x, y, shapes::jet(kind, c.data, x, y), reach);
         return std::tuple(core.distance, core.radius, core.is_point);
       },
-      "kind"_a, "c"_a, "x"_a, "y"_a, "h"_a, "distance"_a, "reach"_a,
+      "kind"_a, "c"_a, "x"_a, "y"_a, "reach"_a,
       "Return the distance from the core of a shape, its radius, and whether it is a point.");
   m.def(
       "shape_bounds",
@@ -202,8 +181,8 @@ std::vector<std::pair<std::string, Index>> columns() {
       {"rows.QUICKENING", QUICKENING}, {"rows.USABLE", USABLE}, {"rows.REACH", REACH}, {"rows.FAST", FAST},
       {"rows.DIP", DIP}, {"rows.CONDITIONING", CONDITIONING}, {"rows.PLACED", PLACED},
       {"rows.WIDTH", general_rows::WIDTH},
-      {"shapes.convex_polygon.MAX_VERTICES", convex_polygon::MAX_VERTICES},
-      {"shapes.convex_polygon.USED", convex_polygon::USED}};
+      {"shapes.convex_polygon.MAX_VERTICES", ConvexPolygon::MAX_VERTICES},
+      {"shapes.convex_polygon.USED", ConvexPolygon::USED}};
   // clang-format on
 }
 

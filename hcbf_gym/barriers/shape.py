@@ -1,7 +1,7 @@
 """What a built-in shape is: fields with their checks, and how it is packed, drawn and moved.
 
-Each has a file in `shapes` and a header in core/include/hcbf, whose functions evaluate its block of
-numbers (see `layout`) at a point of the shape's own frame.
+Each has a file in `shapes` and a struct in core/include/hcbf/shapes.hpp, whose functions evaluate
+its block of numbers (see `layout`) at a point of the shape's own frame.
 """
 
 from abc import abstractmethod
@@ -67,7 +67,7 @@ class Shape(PlanarBarrier):
     """A built-in region: the fields of a subclass are its numbers, by the names that JSON has.
 
     Attributes:
-        kind: its name in JSON and for `Shapes`.
+        kind: its name in JSON, for `Shapes` and in the core.
         code: by which compiled code finds its functions.
         places: the fields that are points of it; the first is in columns `PLACE` of its block.
     """
@@ -75,6 +75,10 @@ class Shape(PlanarBarrier):
     kind: ClassVar[str]
     code: ClassVar[int]
     places: ClassVar[tuple[str, ...]] = ("center",)
+
+    def __init_subclass__(cls) -> None:
+        if vars(cls).get("kind") in _core.SHAPES:  # a user's own class has the code of its base
+            cls.code = _core.SHAPES[cls.kind]
 
     @abstractmethod
     def write(self, c: Array) -> int:
@@ -149,10 +153,8 @@ class Shape(PlanarBarrier):
 
     def core(self, q: Array, reach: float) -> Core:
         """Return the core; see `PlanarBarrier.core`."""
-        c = self._block
         x, y = float(q[0]), float(q[1])
-        h, _, _, distance, _, _ = _core.shape_jet(self.code, c, x, y)
-        return Core(*_core.shape_core(self.code, c, x, y, h, distance, reach))
+        return Core(*_core.shape_core(self.code, self._block, x, y, reach))
 
     @cached_property
     def _block(self) -> Array:

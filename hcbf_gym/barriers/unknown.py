@@ -85,7 +85,7 @@ class Reserve:
         count, m = scenes.kind.shape
         sizes, settings = largest_inputs(self._input_set), np.array(self.settings)
         core = _core.Reserve(compiled(self._model), settings, sizes, self._period, count)
-        slopes = slopes_of(entries, states, self.settings.confidence, m)
+        slopes = slopes_of(entries, states, self.settings, m)
         barriers = scenes.kind, scenes.parameters, scenes.own_margin + self.fixed
         core.write(*states, growth, *barriers, *slopes, self._model.n_p, out)
 
@@ -97,14 +97,14 @@ def largest_inputs(input_set: InputSet) -> Array:
 
 
 def slopes_of(
-    entries: Sequence[Entry], states: UncertainStates, confidence: float, m: int
+    entries: Sequence[Entry], states: UncertainStates, reserved: Uncertainty, m: int
 ) -> Slopes:
     """Return the slopes of barriers that Python evaluates; ∇h is NaN where one is unreadable.
 
     Args:
         entries: these barriers.
         states: of the N plants.
-        confidence: κ, how many standard deviations are reserved.
+        reserved: what a deviation reserves.
         m: the number of rows of a scene.
     """
     x, time = states.x, states.time
@@ -113,7 +113,8 @@ def slopes_of(
         return Slopes(gradient, loss)
     error = x - (states.model + states.lag)
     values, vectors = np.linalg.eigh(states.covariance)
-    root = confidence * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
+    scale = _core.margin_of_deviation(np.array(reserved), 1.0)
+    root = scale * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
     shared: dict[tuple[int, int], list[Entry]] = {}
     for entry in entries:
         shared.setdefault((entry.place, id(entry.barrier)), []).append(entry)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs.a1_physics import BASE, A1Physics
@@ -11,7 +12,7 @@ from hcbf_gym.errors import choose
 from hcbf_gym.estimation import Estimator
 from hcbf_gym.locomotion.controller import LocomotionController
 from hcbf_gym.locomotion.watch import Fault, Watch
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models.plant import Estimate
 
 FEEDBACK = ("measured", "position", "rom")
 """On which state the loop is closed; see `A1RegionsEnv`."""

@@ -10,13 +10,14 @@ import numpy as np
 from scipy.stats import chi2
 
 from hcbf_gym import plugins, policies, wrappers
+from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Info, Integers, Mask
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.errors import LoweredWarning
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.episode import Act, Sample, in_double, samples
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import FIRST_ALARM, Plant, Reason, Uncertainty
+from hcbf_gym.models.plant import Plant, Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 

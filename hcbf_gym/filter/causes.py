@@ -5,6 +5,7 @@ import re
 import numpy as np
 
 from hcbf_gym import _core
+from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import SMOOTH
@@ -15,7 +16,7 @@ from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.samples import Samples, real_array
 from hcbf_gym.filter.scenes import Scenes
 from hcbf_gym.models.constants import FARTHEST, LONGEST
-from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _NUMBER = re.compile(r"[\d.]+")

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.set import Condition
@@ -23,7 +24,7 @@ from hcbf_gym.filter.samples import Samples, real_numbers
 from hcbf_gym.filter.scenes import Scenes
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
-from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Estimate, Plant
 from hcbf_gym.programs import ConflictReport, FilterStatus
 
 

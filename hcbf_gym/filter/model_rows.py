@@ -175,9 +175,9 @@ class ModelRows:
         states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
         uncertain = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
         sloping = entries if self._samples.has_parts or reserve.is_steep else []
-        confidence, m = reserve.settings.confidence, self._rows.numbers.shape[1]
+        m = self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
-            self._step.reserve(*slopes_of(sloping, uncertain, confidence, m))
+            self._step.reserve(*slopes_of(sloping, uncertain, reserve.settings, m))
             at = States(states.x, time, *self._step.terms())
             self._general_rows.write(prepared, at, self._rows)
 

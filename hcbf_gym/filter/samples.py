@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hcbf_gym import arrays
+from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Mask, Records
 from hcbf_gym.errors import holds_numbers
 from hcbf_gym.filter.origin import Origin
 from hcbf_gym.filter.plants import plant_dtype
 from hcbf_gym.models import clocks
 from hcbf_gym.models.constants import LONGEST
-from hcbf_gym.models.plant import FIRST_ALARM, Estimate, Plant, Reason
+from hcbf_gym.models.plant import Estimate, Plant
 
 _FLOAT = np.dtype(np.float64)
 KNOWN_FAULTS = (0, *(int(reason) for reason in Reason if reason.lasts))

@@ -4,6 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.braking import check_limits
@@ -29,7 +30,7 @@ from hcbf_gym.filter.plants import CHANGED, COMPARED
 from hcbf_gym.filter.samples import Samples
 from hcbf_gym.filter.scan_ages import ScanAges
 from hcbf_gym.filter.scene_reader import SceneReader
-from hcbf_gym.models.plant import Coverage, Estimate, Reason
+from hcbf_gym.models.plant import Coverage, Estimate
 
 
 class Scenes:

@@ -1,9 +1,10 @@
 """What is known of the robot: reduced-order models ẋ = f(x) + g(x)u and input sets U."""
 
+from hcbf_gym._core import Reason
 from hcbf_gym.models.axle import Axle
 from hcbf_gym.models.control_affine import ControlAffine
 from hcbf_gym.models.input_sets import Ball, Box, InputSet
-from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Reason, Uncertainty
+from hcbf_gym.models.plant import Coverage, CoveredBy, Estimate, Plant, Uncertainty
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 

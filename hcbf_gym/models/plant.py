@@ -25,81 +25,6 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 Reader = Callable[[Any, Any, Info], Any]
 
 
-class Reason(IntEnum):
-    """Why a filter brakes or has raised an alarm, and its `text`; 0 where there is none.
-
-    Below `FIRST_ALARM` the filter brakes for as long as the reason lasts. From there on they are
-    alarms: the plant is not the one that was declared. They last until the next reset; MOVES, a
-    reason of the world, is decided at every step. So is UNVERIFIED, a gatekeeper's, which is none.
-    """
-
-    text: str
-
-    def __new__(cls, value: int, text: str) -> "Reason":
-        """Return the reason of a number."""
-        reason = int.__new__(cls, value)
-        reason._value_, reason.text = value, text
-        return reason
-
-    NONE = 0, ""
-    STATE = (
-        1,
-        "the state is not finite, farther away than any place, or of another shape than the "
-        "model's, or a differential drive's heading is missing",
-    )
-    AGE = (
-        2,
-        "the stamp of the state is older than the plant's max_age or more than 0.1 s ahead of the "
-        "clock, or that of a scan is not of this clock",
-    )
-    CLOCK = 3, "the time of the state does not advance"
-    BARRIERS = (
-        4,
-        "the barriers, or the rows that they become, are not finite or not barriers",
-    )
-    SOLVER = 5, "no solver answered"
-    GOAL = 6, "guidance finds no path to the goal"
-    INPUT = (
-        7,
-        "the environment does not apply what the filter chose: expected no wrapper, delay, hold or "
-        "gain between filter and robot, and a model like the plant",
-    )
-    MOTION = (
-        8,
-        "the position does not move by the velocity: expected both of one robot, at one time, "
-        "in one frame and unit, and a period that is the time of a step",
-    )
-    SLIP = 9, "the robot's feet slide more than on the declared floor"
-    LAG = 10, "the robot's torques act later than the declared plant's"
-    LIFT = 11, "the robot's legs carry more or less than the declared load and motors"
-    RESPONSE = (
-        12,
-        "the robot does not do what it is commanded: expected it to follow as its response was "
-        "measured, or within 0.4 s where it was not, on the declared floor, and odometry of that "
-        "robot that is up to date",
-    )
-    MOVES = (
-        13,
-        "a region is nearer than its declared velocity explains: expected its velocity [m/s], such "
-        "as Disc(…, velocity=(vx, vy)), or the error of its position [m], "
-        "Plant(uncertainty=Uncertainty(distance=…))",
-    )
-    UNVERIFIED = (
-        14,
-        "no manoeuvre of the gatekeeper satisfies the strict conditions from this state on, as "
-        "after a jump, a reset or a change of regions",
-    )
-
-    @property
-    def lasts(self) -> bool:
-        """Whether it lasts until the next reset."""
-        return self >= FIRST_ALARM and self not in (Reason.MOVES, Reason.UNVERIFIED)
-
-
-FIRST_ALARM = Reason.INPUT
-"""From here on a `Reason` is an alarm."""
-
-
 class Coverage(IntEnum):
     """Whether the promise was tested for a plant and a scene; see ``docs/guarantees.md``.
 
@@ -149,7 +74,7 @@ class Estimate(NamedTuple):
         elapsed: since the sample before [s]; None takes the plant's period. Of models other than
             the planar double integrator a sample after another time is not compared with the one
             before.
-        fault: an alarm of the plant's own, a `Reason` from `FIRST_ALARM` on; None or 0 for none.
+        fault: an alarm of the plant's own, a `Reason` from `INPUT` on; None or 0 for none.
     """
 
     x: Array

@@ -20,12 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym._core import Reason
 from hcbf_gym.barriers.speed_limit import leaves_speed
 from hcbf_gym.certificates.certificate import CALIBRATED
 from hcbf_gym.certificates.parts import LASTING, PRESSED, Shown, vacuous
 from hcbf_gym.errors import RefusedError, SafetyWarning, finite_array, warn_caller
 from hcbf_gym.evaluation.attacks import PARAMETERS
-from hcbf_gym.models.plant import Reason, Uncertainty
+from hcbf_gym.models.plant import Uncertainty
 from hcbf_lab.certification.families import Seen
 
 ROUNDS = 4  # how often margins are set before a plant is refused

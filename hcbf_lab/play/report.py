@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, Info, Integers
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.mapped import Mapped
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import ConflictReport, FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_lab.play.settings import Settings

@@ -18,10 +18,10 @@ import gymnasium as gym
 import numpy as np
 
 from hcbf_gym import scenarios
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning, finite_array, finite_float
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.scenarios import Scenario
 from hcbf_gym.scenarios.references import PointReference

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import Drive, Motion
 from hcbf_gym.errors import UNREADABLE
-from hcbf_gym.models.plant import Estimate, Reason
+from hcbf_gym.models.plant import Estimate
 from hcbf_robots.envs.walker_physics import WalkerPhysics
 from hcbf_robots.walkers.motion_monitor import MotionMonitor
 from hcbf_robots.walkers.walker_adapter import Adapter

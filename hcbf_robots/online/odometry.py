@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import TINY
 from hcbf_gym.models.clocks import AHEAD, ROUNDING
-from hcbf_gym.models.plant import Reason
 from hcbf_robots.online.follower import Follower
 from hcbf_robots.online.robot import Robot
 from hcbf_robots.online.sample import Sample, moved

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.many import each
 from hcbf_gym.errors import HcbfError, InvalidInputError, finite_array, shown
 from hcbf_gym.filter.samples import real_numbers
-from hcbf_gym.models.plant import Reason
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.online import VelocityFilter

@@ -20,8 +20,8 @@ import math
 import numpy as np
 
 from hcbf_gym import _core
+from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, record_type, words_of
-from hcbf_gym.models.plant import Reason
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response, assumed
 

@@ -1,4 +1,4 @@
-"""The built-in shapes and their rows again, in NumPy: what the compiled ones are compared with."""
+"""The built-in shapes, rows and margins in NumPy: what the compiled ones are compared with."""
 
 import numpy as np
 
@@ -7,24 +7,64 @@ from hcbf_gym.barriers import Capsule, ConvexPolygon, Core, Disc, Ellipse, HalfP
 TINY = 1e-9
 
 
+def reserved(confidence, deviation):
+    """Return what is reserved for a standard deviation."""
+    return confidence * deviation
+
+
 def jet(barrier, q):
     """Return H, ∇H and ∇²H of a shape at the position q in its frame."""
-    if isinstance(barrier, HalfPlane):
-        normal = np.array(barrier.normal)
-        return float(normal @ q - barrier.offset), normal, np.zeros((2, 2))
-    if isinstance(barrier, Disc):
-        distance, direction, curvature = norm_jet(q - np.array(barrier.center))
-        return distance - barrier.radius, direction, curvature
-    if isinstance(barrier, Ellipse):
-        return ellipse_jet(barrier, q)
-    if isinstance(barrier, Capsule):
-        start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
-        share = np.clip((q - start) @ vector / (vector @ vector), 0.0, 1.0)
-        distance, direction, curvature = norm_jet(q - start - share * vector)
-        flat = np.zeros((2, 2))
-        return distance - barrier.radius, direction, flat if 0.0 < share < 1.0 else curvature
-    assert isinstance(barrier, ConvexPolygon)
-    corners = np.array(barrier.vertices)
+    return TEXTS[type(barrier)][0](barrier, q)
+
+
+def core(barrier, q, reach):
+    """Return the core of a shape."""
+    return TEXTS[type(barrier)][1](barrier, q, reach)
+
+
+def half_plane_jet(wall, q):
+    normal = np.array(wall.normal)
+    return float(normal @ q - wall.offset), normal, np.zeros((2, 2))
+
+
+def half_plane_core(wall, q, reach):
+    return Core(np.inf, np.inf, False)
+
+
+def disc_jet(disc, q):
+    distance, direction, curvature = norm_jet(q - np.array(disc.center))
+    return distance - disc.radius, direction, curvature
+
+
+def disc_core(disc, q, reach):
+    return Core(jet(disc, q)[0] + disc.radius, disc.radius, True)
+
+
+def ellipse_core(ellipse, q, reach):
+    radius = min(ellipse.semi_axes) ** 2 / max(ellipse.semi_axes)
+    return Core(jet(ellipse, q)[0] + radius, radius, False)
+
+
+def capsule_jet(capsule, q):
+    start, vector = np.array(capsule.start), np.subtract(capsule.end, capsule.start)
+    share = np.clip((q - start) @ vector / (vector @ vector), 0.0, 1.0)
+    distance, direction, curvature = norm_jet(q - start - share * vector)
+    flat = np.zeros((2, 2))
+    return distance - capsule.radius, direction, flat if 0.0 < share < 1.0 else curvature
+
+
+def capsule_core(capsule, q, reach):
+    h, start = jet(capsule, q)[0], np.array(capsule.start)
+    vector = np.subtract(capsule.end, capsule.start)
+    length = float(np.linalg.norm(vector))
+    along, away = float((q - start) @ vector) / length, h + capsule.radius
+    beside = reach <= along <= length - reach and (h > 0.0 or away >= reach)
+    at_end = along <= -reach or along >= length + reach
+    return Core(np.inf if beside else away, capsule.radius, at_end)
+
+
+def polygon_jet(polygon, q):
+    corners = np.array(polygon.vertices)
     edges = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(edges, axis=1)
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
@@ -41,27 +81,10 @@ def jet(barrier, q):
     return distance, direction, curvature
 
 
-def core(barrier, q, reach):
-    """Return the core of a shape."""
-    h = jet(barrier, q)[0]
-    if isinstance(barrier, HalfPlane):
-        return Core(np.inf, np.inf, False)
-    if isinstance(barrier, Disc):
-        return Core(h + barrier.radius, barrier.radius, True)
-    if isinstance(barrier, Ellipse):
-        radius = min(barrier.semi_axes) ** 2 / max(barrier.semi_axes)
-        return Core(h + radius, radius, False)
-    if isinstance(barrier, Capsule):
-        start, vector = np.array(barrier.start), np.subtract(barrier.end, barrier.start)
-        length = float(np.linalg.norm(vector))
-        along, away = float((q - start) @ vector) / length, h + barrier.radius
-        beside = reach <= along <= length - reach and (h > 0.0 or away >= reach)
-        at_end = along <= -reach or along >= length + reach
-        return Core(np.inf if beside else away, barrier.radius, at_end)
-    assert isinstance(barrier, ConvexPolygon)
+def polygon_core(polygon, q, reach):
+    h, corners = jet(polygon, q)[0], np.array(polygon.vertices)
     if h <= 0.0:
         return Core(np.inf, 0.0, False)
-    corners = np.array(barrier.vertices)
     edges = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(edges, axis=1)
     along = np.sum((q - corners) * edges, axis=1) / lengths
@@ -166,3 +189,13 @@ def ellipse_jet(ellipse, q):
     h = float((u - a * np.cos(t)) * normal[0] + (v - b * np.sin(t)) * normal[1])
     tangent = turned.T @ np.array([-normal[1], normal[0]])
     return h, turned.T @ normal, np.outer(tangent, tangent) / (size**3 / (a * b) + h)
+
+
+TEXTS = {
+    HalfPlane: (half_plane_jet, half_plane_core),
+    Disc: (disc_jet, disc_core),
+    Ellipse: (ellipse_jet, ellipse_core),
+    ConvexPolygon: (polygon_jet, polygon_core),
+    Capsule: (capsule_jet, capsule_core),
+}
+"""The jet and the core of each built-in shape."""

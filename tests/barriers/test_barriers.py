@@ -24,16 +24,17 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.barriers.planar_rows import planar_rows
 from hcbf_gym.models import DoubleIntegrator, KinematicBicycle, SingleIntegrator, Unicycle
+from tests.worlds import with_others
 
-BARRIERS: tuple[Barrier, ...] = (
+BARRIERS: list[Barrier] = with_others(
     HalfPlane("wall", 1, normal=(0.6, 0.8), offset=-0.3),
     Disc("disc", 1, center=(0.5, -0.2), radius=0.7),
     Disc("moving disc", 2, center=(-1.0, 0.4), radius=0.5, velocity=(0.3, -0.7)),
     Ellipse("ellipse", 2, center=(0.1, 0.3), semi_axes=(1.5, 0.4), angle=0.7, velocity=(-0.2, 0.1)),
     ConvexPolygon("square", 3, vertices=((-1, -1), (1, -1), (1, 1), (-1, 1)), velocity=(0.1, 0.2)),
     Capsule("capsule", 2, start=(-0.5, -0.4), end=(0.7, 0.3), radius=0.3, velocity=(0.2, -0.1)),
-    SpeedLimit("cap", 1, v_max=1.2, margin=0.1),
 )
+BARRIERS.append(SpeedLimit("cap", 1, v_max=1.2, margin=0.1))
 MODELS = (
     SingleIntegrator(),
     DoubleIntegrator(),

@@ -24,6 +24,7 @@ from hcbf_gym.barriers import (
     RowSettings,
     SpeedLimit,
     rows,
+    shapes,
 )
 from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.planar_rows import planar_rows
@@ -31,13 +32,14 @@ from hcbf_gym.errors import InvalidInputError
 
 U_MAX = 5.0 * np.sqrt(2.0)
 ALPHAS = (LogClassK(), LinearClassK(3.0), LogClassK(2.0, 1.0, 0.4), BrakeClassK(0.5, 0.1))
-SHAPES = ("wall", "disc", "ellipse", "polygon", "sharp polygon", "capsule")
+CLASSES = {cls.kind: cls for cls in shapes.SHAPES}
+SHAPES = (*CLASSES, "sharp polygon")
 
 
 def shape(kind, rng, moving=True):
     velocity = tuple(rng.uniform(-0.5, 0.5, 2)) if moving else (0.0, 0.0)
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    if kind == "wall":
+    if kind == "half-plane":
         return HalfPlane(kind, 1, (np.cos(angle), np.sin(angle)), rng.uniform(-1.0, 1.0))
     if kind == "disc":
         return Disc(kind, 1, (0.0, 0.0), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
@@ -46,6 +48,9 @@ def shape(kind, rng, moving=True):
     if kind == "capsule":
         end = rng.uniform(0.05, 2.0) * np.array([np.cos(angle), np.sin(angle)])
         return Capsule(kind, 1, (0.0, 0.0), tuple(end), 10.0 ** rng.uniform(-3.0, 0.5), velocity)
+    if kind not in ("convex-polygon", "sharp polygon"):
+        size = rng.uniform(0.05, 1.5)
+        return replace(CLASSES[kind](kind, 1).resized(size), velocity=velocity)
     corners = 3 if kind == "sharp polygon" else int(rng.integers(3, 9))
     turn = angle + 2.0 * np.pi * np.arange(corners) / corners
     squeeze = np.array([1.0, 0.15 if kind == "sharp polygon" else rng.uniform(0.3, 1.0)])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import readable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +19,7 @@ from hcbf_gym.barriers import (
     SpeedLimit,
 )
 from hcbf_gym.models import Box, Uncertainty
+from tests.worlds import with_others
 
 PLAIN = Draw(0.02, LogClassK(), 2.0, Box.symmetric(5.0), 0.0, 0.0, "exact", (), False, "lex-cbf-qp")
 WALL = HalfPlane("wall", 1, (-1.0, 0.0), 0.0)
@@ -71,7 +73,7 @@ def test_random_scenes_are_entered_only_with_a_report():
 
 
 NOTHING = np.zeros((1, 4)), np.zeros((1, 4, 4))
-SHAPES = (
+SHAPES = with_others(
     Disc("disc", 1, (0.0, 0.0), 1.0),
     Ellipse("ellipse", 1, (0.0, 0.0), (2.0, 0.2), 0.3),
     ConvexPolygon("triangle", 1, ((-1.0, -1.0), (1.0, -0.5), (0.0, 1.0))),
@@ -107,4 +109,4 @@ def test_a_speed_limit_keeps_for_the_largest_error_of_the_velocity():
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     covariance[0, 2:, 2:] = turn @ np.diag([0.04, 0.0001]) @ turn.T
     margin, *_ = reserved(scenes, Uncertainty(confidence=4.0), x, x, NOTHING[0], covariance)
-    assert margin[0, 1] == pytest.approx(4.0 * 0.2)
+    assert margin[0, 1] == pytest.approx(readable.reserved(4.0, 0.2))

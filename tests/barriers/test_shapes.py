@@ -3,9 +3,11 @@
 import dataclasses
 import importlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+import readable
 
 from hcbf_gym import _core, barriers
 from hcbf_gym.barriers import Barrier, Oval, Shapes, Wall, layout, shapes
@@ -13,6 +15,9 @@ from hcbf_gym.errors import InvalidInputError
 
 ALL = [cls(cls.kind, 1) for cls in shapes.SHAPES]
 BOUNDED = [shape for shape in ALL if not isinstance(shape.outline(), Wall)]
+
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def named(shape):
@@ -35,6 +40,7 @@ def points(n, seed=0):
 
 def test_kinds_and_codes_distinguish_shapes():
     codes = [shape.code for shape in ALL]
+    assert {shape.kind: shape.code for shape in ALL} == _core.SHAPES
     assert codes == [block_of(shape)[0] for shape in ALL]
     assert len(set(codes)) == len({shape.kind for shape in ALL}) == len(ALL)
     assert min(codes) >= 0
@@ -42,6 +48,13 @@ def test_kinds_and_codes_distinguish_shapes():
     assert [cls.__name__ for cls in sorted(shapes.SHAPES, key=lambda c: c.__name__)] == sorted(
         shapes.__all__
     )
+
+
+@pytest.mark.parametrize("cls", shapes.SHAPES)
+def test_it_has_a_text_in_numpy_and_is_on_the_pages(cls):
+    assert cls in readable.TEXTS
+    assert f"::: hcbf_gym.barriers.{cls.__name__}\n" in (DOCS / "api" / "barriers.md").read_text()
+    assert f"`{cls.kind}`" in (DOCS / "environments.md").read_text()
 
 
 def test_python_and_compiled_code_have_the_same_numbers():

@@ -14,6 +14,7 @@ from hcbf_gym.barriers import BarrierSet, Capsule, ConvexPolygon, Disc, Ellipse,
 from hcbf_gym.envs.task import CONTROL_DT, PHYSICS_DT, SUBSTEPS
 from hcbf_gym.errors import InvalidInputError
 from tests.pairs import pairwise
+from tests.worlds import with_others
 
 ID = "HCBF-Regions-v0"
 N, LIMIT = 3, 90
@@ -296,7 +297,7 @@ def test_a_batch_that_cannot_be_is_refused(wrong):
 def test_the_least_h_on_the_way_is_that_of_its_ten_points():
     rng, n = np.random.default_rng(0), 2000
     corners = np.array([(0.0, 0.0), (1.2, 0.1), (0.9, 0.8), (0.1, 0.6)])
-    regions = (
+    regions = with_others(
         HalfPlane("wall", 1, normal=(1.0, 0.0), offset=0.3),
         Disc("disc", 1, center=(0.3, -0.2), radius=0.5, velocity=(0.7, -0.4)),
         Ellipse("ellipse", 1, center=(0.1, 0.3), semi_axes=(1.1, 0.2), angle=0.7),
@@ -310,9 +311,9 @@ def test_the_least_h_on_the_way_is_that_of_its_ten_points():
     u, steps = rng.uniform(-5.0, 5.0, (n, 2)) * np.minimum(speeds, 1.0), rng.integers(0, 50, n)
     scene = scenes.kind, scenes.parameters, scenes.atlas.numbers
     still = np.zeros((1, 1, 6)), np.zeros(n, np.int64), np.zeros(n, np.int64)
-    least, before, on_way = np.empty((n, 5)), np.empty(n), x.copy()
+    least, before, on_way = np.empty((n, len(regions))), np.empty(n), x.copy()
     _core.regions_advance(*scene, still, x, steps, u, np.full(n, np.inf), least, before)
-    expected = np.full((n, 5), np.inf)
+    expected = np.full(least.shape, np.inf)
     for k in range(1, SUBSTEPS + 1):
         after = on_way[:, 2:] + u * PHYSICS_DT
         on_way[:, :2] += 0.5 * (on_way[:, 2:] + after) * PHYSICS_DT

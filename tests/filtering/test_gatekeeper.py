@@ -12,6 +12,7 @@ from readable_gate import input_of, moved, path, reserves
 import hcbf_gym
 from benchmarks import gatekeeper as attack
 from hcbf_gym import _core
+from hcbf_gym._core import Reason
 from hcbf_gym.barriers import (
     Capsule,
     ConvexPolygon,
@@ -26,20 +27,21 @@ from hcbf_gym.barriers import (
 from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.filter import gatekeeper
 from hcbf_gym.models.input_sets import Ball, Box
-from hcbf_gym.models.plant import Estimate, Reason, Uncertainty
+from hcbf_gym.models.plant import Estimate, Uncertainty
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.worlds import with_others
 
 T = 0.02
 BOX = Box.symmetric(5.0)
 SETS = [BOX, Box((-2.0, -4.0), (3.0, 1.0)), Ball(4.0, 16), Ball(3.0, 3), Ball(3.0, 5)]
-REGIONS = [
+REGIONS = with_others(
     HalfPlane("wall", 1, (0.6, 0.8), -0.3),
     Disc("disc", 1, (0.3, -0.2), 0.4),
     Ellipse("ellipse", 1, (0.2, 0.1), (0.7, 0.2), 0.5),
     Capsule("capsule", 1, (-0.4, 0.0), (0.5, 0.3), 0.2),
     ConvexPolygon("polygon", 1, ((-0.5, -0.3), (0.4, -0.4), (0.6, 0.2), (-0.1, 0.5))),
-]
+)
 
 
 def block(shape):
@@ -127,7 +129,7 @@ def test_what_follows_an_accepted_input_is_clear_until_rest_and_after_it(input_s
     for _ in range(15):
         scene = [
             one.moved(rng.uniform(1.2, 2.0) * np.array([np.cos(a), np.sin(a)]))
-            for one, a in zip(REGIONS, rng.uniform(0, 6.28, 5), strict=True)
+            for one, a in zip(REGIONS, rng.uniform(0, 6.28, len(REGIONS)), strict=True)
         ]
         scene[1] = Disc("moves", 1, (2.0, 1.5), 0.3, velocity=rng.normal(size=2))
         scene = [one for one in scene if one.jet(np.zeros(4)).h > 0.3] + [SpeedLimit("v", 1, 1.5)]

@@ -13,6 +13,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Axle, Box, Uncertainty
 from hcbf_robots import Response
 from hcbf_robots.walkers.walker_margins import uncertainty
+from tests.barriers.readable import reserved
 from tests.filtering.cores import core_of
 from tests.worlds import boat
 
@@ -88,8 +89,8 @@ def normals(name):
     return np.array(WALL.normal), (x - POST.center) / np.linalg.norm(x - POST.center)
 
 
-def covariance_of(name):
-    """Return P, and what it adds to the rows: κσ, and what a heading turns within a hold."""
+def covariance_of(name, confidence=3.0):
+    """Return P, and what it adds to the rows, as it is and by what a heading turns in a hold."""
     n = len(state_of(name))
     root = np.zeros((n, n))
     root[:2, :2] = [[0.1, 0.0], [0.05, 0.12]]
@@ -99,17 +100,16 @@ def covariance_of(name):
         root[2:, 2:] = np.diag([1e-3, 2e-3][: n - 2])
     covariance = root @ root.T
     wall, _ = normals(name)
-    grown = [
-        3.0 * np.sqrt(wall @ covariance[:2, :2] @ wall),
-        3.0 * np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]),
-        np.nan,
-    ]
-    if name in SPEEDS:
-        grown[2] = 3.0 * np.sqrt(np.linalg.eigvalsh(covariance[2:, 2:])[-1])
     held = hold_of(name, covariance)
-    grown[0] += 3.0 * T * np.sqrt(wall @ held @ wall)
-    grown[1] += 3.0 * T * np.sqrt(np.linalg.eigvalsh(held)[-1])
-    return covariance, np.array(grown)
+    deviation = [
+        np.sqrt(wall @ covariance[:2, :2] @ wall) + T * np.sqrt(wall @ held @ wall),
+        sum(
+            share * np.sqrt(np.linalg.eigvalsh(one)[-1])
+            for share, one in ((1.0, covariance[:2, :2]), (T, held))
+        ),
+        np.sqrt(np.linalg.eigvalsh(covariance[2:, 2:])[-1]) if name in SPEEDS else np.nan,
+    ]
+    return covariance, reserved(confidence, np.array(deviation))
 
 
 def hold_of(name, covariance):
@@ -176,7 +176,8 @@ def grown_by(name, size, field):
     if field == "confidence":
         covariance, expected = covariance_of(name)
         more = margins(name, size, EXACT._replace(confidence=4.5), covariance=covariance)
-        return more - margins(name, size, covariance=covariance), 0.5 * expected
+        expected = covariance_of(name, 4.5)[1] - expected
+        return more - margins(name, size, covariance=covariance), expected
     if field == "per_velocity":
         lag, drift, of_input = lag_of(name, 0.3)
         faster = np.maximum(0.0, -at @ drift + np.abs(at @ of_input))

@@ -6,6 +6,7 @@ import pytest
 from hcbf_gym import Estimate, Plant, models
 from hcbf_gym.barriers import Disc
 from hcbf_gym.models import Box, Uncertainty
+from tests.barriers.readable import reserved
 from tests.filtering.cores import core_of
 from tests.worlds import OwnLinear
 
@@ -58,9 +59,9 @@ def test_the_gradient_determines_what_an_own_condition_reserves(name, what, coun
     steep = np.linalg.norm(place) and max(1.0, np.linalg.norm(place))
     spread = steep * np.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]) + np.sqrt(rest @ P[2:, 2:] @ rest)
     values, vectors = np.linalg.eigh(P)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    bend = -4.5 * min(0.0, np.linalg.eigvalsh(root.T @ jet.hessian @ root)[0])
-    np.testing.assert_allclose(found, 0.3 * steep + 3.0 * spread + bend, rtol=1e-6)
+    root = reserved(3.0, vectors * np.sqrt(np.maximum(values, 0.0)))
+    bend = -0.5 * min(0.0, np.linalg.eigvalsh(root.T @ jet.hessian @ root)[0])
+    np.testing.assert_allclose(found, 0.3 * steep + reserved(3.0, spread) + bend, rtol=1e-6)
 
 
 @pytest.mark.parametrize("what", H)
@@ -68,10 +69,11 @@ def test_the_gradient_determines_what_an_own_condition_reserves(name, what, coun
 def test_no_state_within_the_declared_deviations_loses_more_than_is_reserved(what):
     rng = np.random.default_rng(0)
     h = H[what]
-    reserved = report_of("drag", [h], Uncertainty(), covariance=P)["margin"][0]
+    margin = report_of("drag", [h], Uncertainty(), covariance=P)["margin"][0]
     z = rng.normal(size=(500, 4))
-    off = 3.0 * (z / np.linalg.norm(z, axis=1, keepdims=True)) @ np.linalg.cholesky(P + 1e-15).T
-    assert min(h.h(X + one) for one in off) >= h.h(X) - reserved - 1e-6
+    directions = z / np.linalg.norm(z, axis=1, keepdims=True)
+    off = reserved(3.0, directions @ np.linalg.cholesky(P + 1e-15).T)
+    assert min(h.h(X + one) for one in off) >= h.h(X) - margin - 1e-6
 
 
 @pytest.mark.filterwarnings("ignore")

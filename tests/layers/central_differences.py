@@ -14,6 +14,7 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.layers.flat import FlatFilter
 from hcbf_gym.models import Ball, Box
+from tests.worlds import with_others
 
 SETTINGS = {
     "usual": {"input_set": Box((-4.0, -3.0), (4.0, 3.0))},
@@ -49,14 +50,14 @@ def scene(rng, ranks):
     angles = turn + np.arange(5) * 1.2566
     corners = c + np.column_stack([np.cos(angles), np.sin(angles)])
     ranks = 1 + np.unique(rng.integers(0, ranks, 6), return_inverse=True)[1]
-    return [
+    return with_others(
         HalfPlane("wall", ranks[0], normal=(np.cos(turn), np.sin(turn)), offset=-2.0),
         Disc("disc", ranks[1], center=a, radius=0.8, **moving),
         Ellipse("ellipse", ranks[2], center=b, semi_axes=(1.2, 0.5), angle=turn, **moving),
         ConvexPolygon("polygon", ranks[3], vertices=corners),
         Capsule("capsule", ranks[4], start=d, end=e, radius=0.3, **moving),
         SpeedLimit("speed", ranks[5], v_max=1.5),
-    ]
+    )
 
 
 def points(rng, flat, count):

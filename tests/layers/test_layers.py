@@ -38,14 +38,14 @@ def test_u_is_that_of_rows_and_program_bit_for_bit(name):
     barriers = scene(rng(), 4)
     flat, given = FlatFilter(barriers, **SETTINGS[name]), SETTINGS[name]
     v, t = points(rng(), flat, 100)
-    scenes, own = BarrierSet([barriers] * 100), v[:, 6:].reshape(100, 6, 22)
+    scenes, own = BarrierSet([barriers] * 100), v[:, 6:].reshape(100, len(barriers), 22)
     margin = np.ascontiguousarray(own[:, :, 19:].transpose(2, 0, 1))
     inputs = given["input_set"]
     alphas = {name: given[name] for name in ("alpha1", "alpha_speed") if name in given}
     settings = RowSettings(
         period=given.get("period"), u_max=inputs.radius, limits=input_limits(inputs), **alphas
     )
-    a, out = np.empty((100, 6, 2)), np.empty((4, 100, 6))
+    a, out = np.empty((*scenes.kind.shape, 2)), np.empty((4, *scenes.kind.shape))
     x = np.ascontiguousarray(v[:, 2:6])
     _core.planar_rows(scenes.kind, scenes.parameters, margin, x, t, settings.packed, a, out)
     rows = CbfRows(a, out[0], out[1], scenes.priority, out[2])

@@ -6,9 +6,9 @@ import warnings
 import numpy as np
 import pytest
 
+from hcbf_gym._core import FIRST_ALARM
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.models import Reason
-from hcbf_gym.models.plant import FIRST_ALARM
 from hcbf_gym.programs import FilterStatus
 from hcbf_robots import Command, Robot, VelocityFilter
 from hcbf_robots.online.sample import placed

@@ -228,7 +228,7 @@ class Batched:
 
 def is_scene(report):
     """Whether it is the barriers, which the three share, that are not accepted."""
-    return report["reason"][0] == hcbf_gym.models.plant.Reason.BARRIERS
+    return report["reason"][0] == hcbf_gym.models.Reason.BARRIERS
 
 
 def time_of(world):

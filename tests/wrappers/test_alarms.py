@@ -11,6 +11,9 @@ from hcbf_gym.models import Reason
 from hcbf_gym.programs import FilterStatus
 from tests.worlds import OwnDisc
 
+DOUBTS = Reason.MOTION, Reason.RESPONSE  # of the position
+FAULTS = [one for one in Reason if one.lasts and one not in DOUBTS]
+
 
 def test_an_action_that_is_refused_is_no_step():
     env = filtered(
@@ -47,7 +50,7 @@ def test_the_users_brake_is_asked_with_a_state_that_is_known_and_may_change_its_
 
 
 @pytest.mark.parametrize("solver", [None, "daqp"])
-@pytest.mark.parametrize("reason", [Reason.SLIP, Reason.LAG, Reason.LIFT, Reason.INPUT])
+@pytest.mark.parametrize("reason", FAULTS)
 def test_after_an_alarm_the_rows_still_hold(reason, solver):
     comes = barriers.Disc("comes", 1, center=(2.0, 0.0), radius=0.5, velocity=(-0.3, 0.05))
     fault = [0]

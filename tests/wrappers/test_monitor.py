@@ -43,7 +43,7 @@ def quadrotor():
 
 
 def coupled():
-    """Four velocities, which four inputs drive together: no column of g is orthogonal to another."""
+    """Four velocities, which four inputs drive together: g has no orthogonal columns."""
     shares = np.array([[1.0, 0.9, 0.8, 0.7], [0.9, 1.0, 0.4, 0.2], [0.8, 0.4, 1.0, 0.1],
                        [0.7, 0.2, 0.1, 1.0]])  # fmt: skip
     return ControlAffine(

@@ -53,14 +53,14 @@ inline bool is_positive(const double* b, int halvings) {
 }
 
 inline bool of_half_plane(const double* c, const Path& p) {
-  const double nx = c[half_plane::NORMAL_X], ny = c[half_plane::NORMAL_Y];
-  const double kept = nx * p.x + ny * p.y - c[half_plane::OFFSET] - p.margin;
+  const double nx = c[HalfPlane::NORMAL_X], ny = c[HalfPlane::NORMAL_Y];
+  const double kept = nx * p.x + ny * p.y - c[HalfPlane::OFFSET] - p.margin;
   return least(kept, nx * p.rx + ny * p.ry - p.grows, 0.5 * (nx * p.ux + ny * p.uy), p.span) >= 0.0;
 }
 
 inline bool of_disc(const double* c, const Path& p) {
-  const double x = p.x - c[disc::CENTER_X], y = p.y - c[disc::CENTER_Y], t = p.span;
-  const double reach = c[disc::RADIUS] + p.margin, sx = p.rx * t, sy = p.ry * t;
+  const double x = p.x - c[Disc::CENTER_X], y = p.y - c[Disc::CENTER_Y], t = p.span;
+  const double reach = c[Disc::RADIUS] + p.margin, sx = p.rx * t, sy = p.ry * t;
   const double hx = 0.5 * p.ux * t * t, hy = 0.5 * p.uy * t * t, grows = p.grows * t;
   const double a0 = x * x + y * y - reach * reach;
   const double a1 = 2.0 * (x * sx + y * sy - reach * grows);
@@ -90,8 +90,8 @@ inline bool of_convex(Index kind, const double* c, const Path& p, int halvings) 
 
 // Whether h ≥ m holds along a path.
 inline bool holds(Index kind, const double* c, const Path& p) {
-  if (kind == half_plane::CODE) return of_half_plane(c, p);
-  if (kind == disc::CODE) return of_disc(c, p);
+  if (kind == HalfPlane::CODE) return of_half_plane(c, p);
+  if (kind == Disc::CODE) return of_disc(c, p);
   return of_convex(kind, c, p, HALVINGS);
 }
 
@@ -99,7 +99,7 @@ inline bool holds(Index kind, const double* c, const Path& p) {
 inline double passed(Index kind, const double* c, const Path& p) {
   const double speed = std::hypot(p.rx, p.ry);
   if (speed == 0.0) return 0.0;
-  if (kind == half_plane::CODE) return 4.0 * constants::FARTHEST / speed;
+  if (kind == HalfPlane::CODE) return 4.0 * constants::FARTHEST / speed;
   const Bounds box = shapes::bounds(kind, c);
   const double away = std::hypot(p.x - 0.5 * (box.low_x + box.high_x), p.y - 0.5 * (box.low_y + box.high_y));
   const double size = 0.5 * std::hypot(box.high_x - box.low_x, box.high_y - box.low_y);

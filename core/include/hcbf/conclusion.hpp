@@ -17,6 +17,7 @@
 #include <hcbf/general_rows.hpp>
 #include <hcbf/plants.hpp>
 #include <hcbf/rows.hpp>
+#include <hcbf/state_check.hpp>
 #include <hcbf/tolerances.hpp>
 
 namespace hcbf::conclusion {

@@ -46,10 +46,10 @@ inline Extent scene_extent(Vector<const Index> kind, Matrix<const double> parame
   }
   for (int axis = 0; axis < 2; ++axis) extent.low[axis] -= PAD, extent.high[axis] += PAD;
   for (Index k = 0; k < kind.size; ++k) {
-    if (kind[k] != half_plane::CODE || priority[k] != 1) continue;
-    const double wall = parameters(k, half_plane::OFFSET);
+    if (kind[k] != HalfPlane::CODE || priority[k] != 1) continue;
+    const double wall = parameters(k, HalfPlane::OFFSET);
     for (int axis = 0; axis < 2; ++axis) {
-      const double along = parameters(k, half_plane::NORMAL_X + axis);
+      const double along = parameters(k, HalfPlane::NORMAL_X + axis);
       if (along == 1.0) extent.low[axis] = std::max(extent.low[axis], wall - BEHIND_WALL);
       if (along == -1.0) extent.high[axis] = std::min(extent.high[axis], BEHIND_WALL - wall);
     }

@@ -32,7 +32,7 @@ struct Filter {
     program.insert(program.end(), {0.0, INF});  // every rank is decided before the next
   }
 
-  // Adds a condition of a rank, of which 1 is never relaxed: `write` of a shape's header and its arguments.
+  // Adds a condition of a rank, of which 1 is never relaxed: a shape's `write` and its arguments.
   template <class Write, class... Given>
   void add(Index rank, Write write, const Given&... given) {
     parameters.resize(parameters.size() + layout::WIDTH);

@@ -51,9 +51,9 @@ inline Reserve reserve_of(const Constants& c, const plants::Plant& plant) {
   const double slip = std::hypot(plant.lag[2], plant.lag[3]), lead = std::hypot(plant.lag[0], plant.lag[1]);
   const double tracking = std::min(s.cap, s.per_velocity * slip + s.per_lead * lead);
   const double most = margins::most(s, {plant.x, plant.time, plant.model, plant.lag, covariance, plant.growth});
-  const double spread = s.confidence * std::sqrt(margins::largest(covariance, 0));
+  const double spread = margins::reserved(s, std::sqrt(margins::largest(covariance, 0)));
   const double variance = margins::largest(covariance, 2);
-  const auto vague = [&](double growth) { return s.confidence * std::sqrt(variance + growth); };
+  const auto vague = [&](double growth) { return margins::reserved(s, std::sqrt(variance + growth)); };
   const auto fast = [&](double growth) { return (plant.has_model != 0 ? 0.0 : c.velocity_error) + vague(growth); };
   const double speed = margins::of_speed(s, plant.lag, covariance) + vague(plant.growth) - vague(0.0);
   const double now = c.period * fast(plant.growth), next = c.period * fast(2.0 * plant.growth);

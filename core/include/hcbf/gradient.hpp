@@ -140,8 +140,8 @@ class Layer {
       moved_[i] = variables[i] + step * along * (1.0 + std::abs(variables[i]));
     }
     for (Index k = 0; k < scene_.count(); ++k)  // the number of corners is no variable
-      if (scene_.kind[k] == convex_polygon::CODE) {
-        const Index place = BARRIERS + OF_BARRIER * k + convex_polygon::COUNT;
+      if (scene_.kind[k] == ConvexPolygon::CODE) {
+        const Index place = BARRIERS + OF_BARRIER * k + ConvexPolygon::COUNT;
         moved_[place] = variables[place];
       }
     return moved_.data();

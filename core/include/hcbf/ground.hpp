@@ -57,7 +57,7 @@ inline void paint_barrier(const Ground& ground, const Geometry& g, Index kind, c
                           double t, Index priority, double clearance, Index opened) {
   const Index ny = g.rows(), nx = g.columns();
   Index first_j = 0, end_j = ny, first_i = 0, end_i = nx;
-  if (kind != half_plane::CODE) {
+  if (kind != HalfPlane::CODE) {
     const auto [low_x, low_y, high_x, high_y] = shapes::bounds(kind, parameters);
     const double x = 0.5 * (low_x + high_x) + parameters[layout::VELOCITY_X] * t - g.x;
     const double y = 0.5 * (low_y + high_y) + parameters[layout::VELOCITY_Y] * t - g.y;

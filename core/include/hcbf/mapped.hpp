@@ -89,7 +89,7 @@ inline Horizon horizon(const Uncertainty& settings, const RowSettings& rows, dou
 
 // Writes the block (WIDTH,) of one zone: its limit, the distance to it less `kept`, and its gradient.
 inline void see_zone(const double* piece, const double* x, double limit, double kept, double* block) {
-  const auto jet = convex_polygon::jet(piece, x[0], x[1]);
+  const auto jet = ConvexPolygon::jet(piece, x[0], x[1]);
   std::fill_n(block, layout::WIDTH, 0.0);
   block[layout::V_MAX] = limit;
   if (jet.h > kept) {
@@ -114,7 +114,7 @@ inline void nearby(const Uncertainty& settings, const RowSettings& rows, double 
     }
     const bool region = scene.kind[k] == layout::MAPPED;
     const auto take = [&](Index piece) {
-      double* block = out.add(scene, k, region ? convex_polygon::CODE : layout::ZONE);
+      double* block = out.add(scene, k, region ? ConvexPolygon::CODE : layout::ZONE);
       if (region) {
         std::copy_n(&atlas[piece], layout::WIDTH, block);
       } else {

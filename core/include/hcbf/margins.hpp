@@ -55,6 +55,9 @@ struct Unknown {
                                // g is the same everywhere
 };
 
+// What is reserved for a standard deviation, of every row and model; linear in it.
+inline double reserved(const Uncertainty& settings, double deviation) { return settings.confidence * deviation; }
+
 // The larger eigenvalue of a symmetric matrix (2, 2), 0 where it is negative.
 inline double greater(double xx, double xy, double yy) {
   const double half = 0.5 * (xx - yy);
@@ -104,7 +107,7 @@ inline double most(const Uncertainty& settings, const Known& known) {
   const double ahead_x = known.x[0] - known.model[0] - known.lag[0];
   const double ahead_y = known.x[1] - known.model[1] - known.lag[1];
   const double ahead = std::sqrt(ahead_x * ahead_x + ahead_y * ahead_y);
-  const double spread = settings.confidence * std::sqrt(largest(known.covariance, 0));
+  const double spread = reserved(settings, std::sqrt(largest(known.covariance, 0)));
   return settings.distance + settings.cap + ahead + spread + settings.body;
 }
 
@@ -112,13 +115,13 @@ inline double most(const Uncertainty& settings, const Known& known) {
 inline double of_speed(const Uncertainty& settings, const double* lag, Matrix<const double> covariance) {
   const double slip = std::sqrt(lag[2] * lag[2] + lag[3] * lag[3]);
   const double sure = settings.speed + settings.speed_per_velocity * slip;
-  return sure + settings.confidence * std::sqrt(largest(covariance, 2));
+  return sure + reserved(settings, std::sqrt(largest(covariance, 2)));
 }
 
 // The greatest ṁ of any row on the position, now and at the next sample [m/s].
 inline double fastest_drift(const Uncertainty& settings, Matrix<const double> covariance, double growth) {
   if (covariance(2, 2) == 0.0 && covariance(3, 3) == 0.0) return 0.0;
-  return settings.confidence * std::sqrt(largest(covariance, 2) + 2.0 * growth);
+  return reserved(settings, std::sqrt(largest(covariance, 2) + 2.0 * growth));
 }
 
 // How fast the margin of a speed limit grows at most [m/s²].
@@ -127,7 +130,7 @@ inline double speed_growth(const Uncertainty& settings, Matrix<const double> cov
   if (period == 0.0 || is_exact(covariance)) return 0.0;
   const double variance = largest(covariance, 2);
   const double later = std::sqrt(variance + growth), now = std::sqrt(variance);
-  return settings.confidence * (later - now) / period;
+  return reserved(settings, later - now) / period;
 }
 
 // σ(a, C), with C_pp greater by `growth` in every direction. `c`: (k, k) C, of the first k states;
@@ -152,7 +155,7 @@ inline Growing growing(const Uncertainty& settings, const Unknown& unknown, Vect
   if (is_exact(unknown.state)) return {0.0, 0.0};
   const double growth = unknown.growth;
   const auto grown = [&](double by) {
-    return settings.confidence * deviation(unknown.drift, by, gradient, unknown.lead.size, steep, straight);
+    return reserved(settings, deviation(unknown.drift, by, gradient, unknown.lead.size, steep, straight));
   };
   const double rate = grown(growth);
   if (growth == 0.0 || period == 0.0) return {rate, 0.0};
@@ -168,10 +171,11 @@ struct Row {
   double steep;       // ‖a_p‖
 };
 
-// The margins of one row. `gradient`: (n,) ∇h; a is written to it. `straight`: whether ∇h is the same
-// everywhere; `period`: T [s], 0 where it is unknown.
-inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<double> gradient, bool straight,
+// The margins of the row of a condition. `gradient`: (n,) ∇h; a is written to it. `period`: T [s], 0 where it is
+// unknown.
+inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<double> gradient, Index kind,
                   double period) {
+  const bool straight = kind == HalfPlane::CODE;  // ∇h is the same everywhere
   const Index placed = unknown.lead.size;
   double steep2 = 0.0, ahead = 0.0, lead = 0.0, faster = 0.0, turned = 0.0;
   for (Index j = 0; j < placed; ++j) steep2 += gradient[j] * gradient[j];
@@ -195,7 +199,7 @@ inline Row of_row(const Uncertainty& settings, const Unknown& unknown, Vector<do
     turned += deviation(unknown.turns[s], 0.0, gradient, placed, steep, straight);
   double margin = steep * (settings.distance + settings.body);
   margin += std::min(tracking, cap) + std::max(0.0, ahead);
-  margin += settings.confidence * (spread + period * turned);
+  margin += reserved(settings, spread + period * turned);
   const Growing grown = growing(settings, unknown, gradient, steep, straight, period);
   return {margin, grown.rate, grown.quickening, cap - std::abs(cap - tracking), steep};
 }
@@ -235,9 +239,9 @@ inline void derive(const Uncertainty& settings, Vector<const Index> kind, Matrix
         const auto [qx, qy] = shapes::in_frame(parameters[k].data, x[0], x[1], known.time);
         const auto jet = shapes::jet(which, parameters[k].data, qx, qy);
         slope[0] = jet.gx, slope[1] = jet.gy;
-        row = of_row(settings, unknown, gradient, which == half_plane::CODE, period);
+        row = of_row(settings, unknown, gradient, which, period);
       }
-      if (which == convex_polygon::CODE) row.usable += convex_polygon::used(parameters[k].data);
+      if (which == ConvexPolygon::CODE) row.usable += ConvexPolygon::used(parameters[k].data);
     }
     out(MARGIN, k) = row.margin, out(RATE, k) = row.rate;
     out(QUICKENING, k) = row.quickening, out(USABLE, k) = row.usable;

@@ -64,12 +64,11 @@ inline void of_models(const Uncertainty& settings, const Rows& rows, const Sever
             several.off[i], {lag, placed},     several.slip[i],
             covariance,     several.drift[i],  several.growth[i],
             several.turns.part(i * inputs, (i + 1) * inputs)};
-        const bool straight = kind == half_plane::CODE;
-        const margins::Row found = margins::of_row(settings, unknown, slope, straight, period);
+        const margins::Row found = margins::of_row(settings, unknown, slope, kind, period);
         row[margins::MARGIN] = found.margin, row[margins::RATE] = found.rate;
         row[margins::QUICKENING] = found.quickening, row[margins::USABLE] = found.usable;
         row[margins::REACH] = found.steep * settings.body;
-        if (kind == convex_polygon::CODE) row[margins::USABLE] += convex_polygon::used(c.data);
+        if (kind == ConvexPolygon::CODE) row[margins::USABLE] += ConvexPolygon::used(c.data);
       }
       row[margins::MARGIN] += rows.least(i, k) + rows.bend(i, k);
     }
@@ -191,18 +190,19 @@ class Reserve {
   void spread() {
     const Index n = model_.n, n_u = model_.n_u, points = 2 * n * count_;
     const Matrix<double> turned{turned_.data(), n, n}, vectors{vectors_.data(), n, n};
+    const double scale = margins::reserved(settings, 1.0);
     for (Index i = 0; i < count_; ++i) {
       std::copy_n(state_.data() + i * n * n, n * n, turned.data);
       diagonalise(turned, vectors);
       for (Index j = 0; j < n; ++j)
         for (Index k = 0; k < n; ++k) {
-          const double step = settings.confidence * (vectors(k, j) * std::sqrt(std::max(turned(j, j), 0.0)));
+          const double step = scale * (vectors(k, j) * std::sqrt(std::max(turned(j, j), 0.0)));
           points_[(i * n + j) * n + k] = x_[i * n + k] + step;
           points_[((count_ + i) * n + j) * n + k] = x_[i * n + k] - step;
         }
     }
     model_.terms({points_.data(), points, n}, {f_.data(), points, n}, {g_.data(), points, n, n_u});
-    const double apart = 2.0 * settings.confidence;
+    const double apart = 2.0 * scale;
     const Index half = count_ * n * n;
     for (Index i = 0; i < count_; ++i)
       for (Index j = 0; j < n; ++j) {

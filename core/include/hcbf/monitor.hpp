@@ -20,6 +20,7 @@
 #include <cmath>
 
 #include <hcbf/plants.hpp>
+#include <hcbf/state_check.hpp>
 
 namespace hcbf::monitor {
 

@@ -69,7 +69,7 @@ inline Index bucket_of(Vector<const double> atlas, Index at, double place, Index
 
 // The signed distance from the piece with the block at `block` [m].
 inline double height(Vector<const double> atlas, Index block, double x, double y) {
-  return convex_polygon::jet(&atlas[block], x, y).h;
+  return ConvexPolygon::jet(&atlas[block], x, y).h;
 }
 
 // The distance of a point of the frame from a piece's box [m].
@@ -163,7 +163,7 @@ struct Slope {
 inline Slope jet(Vector<const double> atlas, Index at, double x, double y) {
   const Nearest found = nearest(atlas, at, x, y);
   if (found.block < 0) return {constants::FARTHEST, 0.0, 0.0};
-  const auto there = convex_polygon::jet(&atlas[found.block], x, y);
+  const auto there = ConvexPolygon::jet(&atlas[found.block], x, y);
   return {std::min(found.distance, constants::FARTHEST), there.gx, there.gy};
 }
 
@@ -216,8 +216,8 @@ inline std::array<double, 4> write_boxes(Matrix<const double> blocks, const Fram
   for (Index p = 0; p < blocks.rows; ++p) {
     double* box = boxes[p].data;
     box[0] = box[1] = INFINITY, box[2] = box[3] = -INFINITY;
-    for (Index i = 0; i < whole(blocks[p], convex_polygon::COUNT); ++i) {
-      const Index at = convex_polygon::FIRST + 2 * i;
+    for (Index i = 0; i < whole(blocks[p], ConvexPolygon::COUNT); ++i) {
+      const Index at = ConvexPolygon::FIRST + 2 * i;
       const auto [u, v] = frame.of(blocks(p, at), blocks(p, at + 1));
       box[0] = std::min(box[0], u), box[1] = std::min(box[1], v);
       box[2] = std::max(box[2], u), box[3] = std::max(box[3], v);

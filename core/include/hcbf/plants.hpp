@@ -8,17 +8,6 @@
 #include <hcbf/class_k.hpp>
 #include <hcbf/program_records.hpp>
 
-// Why a filter brakes, or has raised an alarm: `models.plant.Reason`, number by number.
-namespace hcbf::reason {
-
-enum Reason : Index {
-  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES, UNVERIFIED
-};
-
-constexpr Index FIRST_ALARM = INPUT;  // below, the filter brakes for as long as the reason lasts
-
-}  // namespace hcbf::reason
-
 // What a plant's record remembers from step to step; zeros at a reset.
 namespace hcbf::monitor {
 
@@ -96,7 +85,7 @@ struct Plant {  // (n_u,) u_nominal and u_safe stand behind it
   double deadlock;      // 1 where the plant is at rest though u* requests motion
   double alpha1_scale;  // by how much alpha_1 was scaled down to what U can brake
   Index status;         // a `programs.FilterStatus`
-  Index reason;         // a `models.plant.Reason`
+  Index reason;         // a `reason::Reason`
   Index covered;        // a `models.plant.Coverage`
   Index covered_by;     // why it is not 1, a `models.plant.CoveredBy`
   Index proved;         // 1 where h >= m and psi >= 0 of every strict condition on the position

@@ -175,7 +175,7 @@ inline Bound<Number> row(Index kind, const Number* c, const Reserved<Number>& re
     r = usual_row(kept, rate, reserved.quickening, sideways, at.distance, s.alpha1, s.alpha2);
   } else {
     const Number speed = sqrt(rx * rx + ry * ry);
-    const CoreOf<Number> core = shapes::core(kind, c, qx, qy, at.h, at.distance, reach_of(speed, s));
+    const CoreOf<Number> core = shapes::core(kind, c, qx, qy, at, reach_of(speed, s));
     kept -= beside_core(core.radius, s);
     r = held_row(kept, rate, reserved.quickening, speed, core.is_point ? sideways : 0.0, core.distance, s);
   }

@@ -1,4 +1,4 @@
-// Which state of a plant is valid: the given one, or the last one, propagated.
+// Why a filter brakes, and which state of a plant is valid: the given one, or the last one, propagated.
 //
 // A state that is not finite or too far away, of no time or too old is not accepted: the model
 // propagates the last one that was, under the input that was applied since.
@@ -10,6 +10,49 @@
 #include <hcbf/constants.hpp>
 #include <hcbf/plants.hpp>
 #include <hcbf/reduced_order.hpp>
+
+namespace hcbf::reason {
+
+// Why a filter brakes, or has raised an alarm: in the order of `WORDS`.
+enum Reason : Index {
+  NONE, STATE, AGE, CLOCK, BARRIERS, SOLVER, GOAL, INPUT, MOTION, SLIP, LAG, LIFT, RESPONSE, MOVES, UNVERIFIED
+};
+
+constexpr Index FIRST_ALARM = INPUT;  // below, the filter brakes for as long as the reason lasts
+
+struct Words {
+  const char *name, *text;
+};
+constexpr Words WORDS[] = {
+    {"NONE", ""},
+    {"STATE", "the state is not finite, farther away than any place, or of another shape than the model's, or a "
+              "differential drive's heading is missing"},
+    {"AGE", "the stamp of the state is older than the plant's max_age or more than 0.1 s ahead of the clock, or that "
+            "of a scan is not of this clock"},
+    {"CLOCK", "the time of the state does not advance"},
+    {"BARRIERS", "the barriers, or the rows that they become, are not finite or not barriers"},
+    {"SOLVER", "no solver answered"},
+    {"GOAL", "guidance finds no path to the goal"},
+    {"INPUT", "the environment does not apply what the filter chose: expected no wrapper, delay, hold or gain "
+              "between filter and robot, and a model like the plant"},
+    {"MOTION", "the position does not move by the velocity: expected both of one robot, at one time, in one frame "
+               "and unit, and a period that is the time of a step"},
+    {"SLIP", "the robot's feet slide more than on the declared floor"},
+    {"LAG", "the robot's torques act later than the declared plant's"},
+    {"LIFT", "the robot's legs carry more or less than the declared load and motors"},
+    {"RESPONSE", "the robot does not do what it is commanded: expected it to follow as its response was measured, or "
+                 "within 0.4 s where it was not, on the declared floor, and odometry of that robot that is up to date"},
+    {"MOVES", "a region is nearer than its declared velocity explains: expected its velocity [m/s], such as "
+              "Disc(…, velocity=(vx, vy)), or the error of its position [m], "
+              "Plant(uncertainty=Uncertainty(distance=…))"},
+    {"UNVERIFIED", "no manoeuvre of the gatekeeper satisfies the strict conditions from this state on, as after a "
+                   "jump, a reset or a change of regions"},
+};
+
+// Whether an alarm lasts until the next reset. MOVES, of the world, and UNVERIFIED are decided at every step.
+constexpr bool lasts(Index reason) { return reason >= FIRST_ALARM && reason != MOVES && reason != UNVERIFIED; }
+
+}  // namespace hcbf::reason
 
 namespace hcbf::state_check {
 

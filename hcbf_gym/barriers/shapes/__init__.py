@@ -1,7 +1,7 @@
 """The built-in shapes.
 
-A new shape is a file here with its name in `SHAPES`, and its jet in core/include/hcbf/shapes.hpp
-with a line in each function there.
+A new one is a file here with its name in `SHAPES`, and a struct in core/include/hcbf/shapes.hpp
+with its name in the list there.
 """
 
 from hcbf_gym.barriers.shape import Shape

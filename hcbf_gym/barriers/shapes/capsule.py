@@ -36,7 +36,6 @@ class Capsule(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "capsule"
-    code: ClassVar[int] = 4
     places: ClassVar[tuple[str, ...]] = ("start", "end")
 
     def __post_init__(self) -> None:

@@ -39,7 +39,6 @@ class ConvexPolygon(Shape):
     vertices: tuple[Pair, ...] = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "convex-polygon"
-    code: ClassVar[int] = 3
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -37,7 +37,6 @@ class Disc(Shape):
     radius: float = 1.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "disc"
-    code: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -31,7 +31,6 @@ class Ellipse(Shape):
     angle: float = 0.0
     velocity: Pair = (0.0, 0.0)
     kind: ClassVar[str] = "ellipse"
-    code: ClassVar[int] = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -32,7 +32,6 @@ class HalfPlane(Shape):
     normal: Pair = (1.0, 0.0)
     offset: float = 0.0
     kind: ClassVar[str] = "half-plane"
-    code: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
