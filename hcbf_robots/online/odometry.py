@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from hcbf_gym._core import Reason
+from hcbf_gym._core import Reason, margin_of_deviation
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.shape import TINY
+from hcbf_gym.models import Uncertainty
 from hcbf_gym.models.clocks import AHEAD, ROUNDING
 from hcbf_robots.online.follower import Follower
 from hcbf_robots.online.robot import Robot
@@ -108,12 +109,13 @@ class Odometry:
         self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
         return place, motion
 
-    def covariance(self, confidence: float) -> Array | None:
+    def covariance(self, reserved: Uncertainty) -> Array | None:
         """Return (4, 4) by which rows reserve the position error by age; None is 0.
 
-        So many standard deviations are reserved as `confidence` is.
+        The position error is divided by what rows reserve for a deviation of 1 m.
         """
         if self._missed_by == 0.0:
             return None
-        deviation = self._missed_by / max(confidence, TINY)
+        each = margin_of_deviation(np.array(reserved), 1.0)
+        deviation = self._missed_by / max(each, TINY)
         return np.diag([deviation**2, deviation**2, 0.0, 0.0])

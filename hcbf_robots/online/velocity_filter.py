@@ -392,7 +392,7 @@ class VelocityFilter:
             velocity = follower.now(body[2:], place[2], present)
         x = np.array([body[0], body[1], *velocity])
         lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
-        covariance = odometry.covariance(self._core.config.uncertainty.confidence)
+        covariance = odometry.covariance(self._core.config.uncertainty)
         time, fault = present - self._times.zero, odometry.fault or None
         estimate = Estimate(x, time, covariance, x, lag, place[2], age=age, fault=fault)
         return PresentState(estimate, float(place[2]), float(motion[2]), is_valid)
