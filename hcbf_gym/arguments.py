@@ -1,4 +1,4 @@
-"""Ranges of the arguments of commands, beside their types, checked before any work."""
+"""Checks the arguments of commands before any work, by the type hints that also parse them."""
 
 import dataclasses
 import math
@@ -11,7 +11,7 @@ from hcbf_gym.records import check_place
 
 
 class Range(NamedTuple):
-    """A range of numbers, from `least`, itself refused if `above`, to `most`."""
+    """A range of numbers from `least` to `most`; `above` excludes `least` itself."""
 
     least: float
     most: float
@@ -43,8 +43,8 @@ def check(args: Any, prefix: str = "--") -> None:
     """Refuse numbers out of their range, unknown choices, malformed text, and unusable places.
 
     Args:
-        args: a dataclass of a command's arguments, or one that is made in Python.
-        prefix: of the arguments' names in messages.
+        args: a dataclass of a command's arguments; a field may be another such dataclass.
+        prefix: of the arguments' names in messages; "" for arguments that are set in Python.
 
     Raises:
         InvalidInputError: on the first of them; the message names the argument.
@@ -56,40 +56,51 @@ def check(args: Any, prefix: str = "--") -> None:
         name = prefix + (field.name.replace("_", "-") if prefix else field.name)
         if dataclasses.is_dataclass(value):
             check(value, prefix)
-            continue
-        marks = list(_marks(hints[field.name]))
-        ranges = [mark for mark in marks if isinstance(mark, Range)]
-        choices = dict.fromkeys(_choices(hints[field.name]))
-        for one in _values(value):
-            if choices and one is not None:
-                choose(name, one, choices)
-            elif ranges and isinstance(one, str | bool) and not isinstance(value, Mapping):
-                raise InvalidInputError(f"{name}: got {shown(one)}, expected {ranges[0]}")
-            if isinstance(one, str | Path):
-                text(name, one)
-            if isinstance(one, Path):
-                check_place(name, one, makes=any(isinstance(mark, Output) for mark in marks))
-            elif isinstance(one, int | float) and not isinstance(one, bool):
-                if not math.isfinite(one):
-                    raise InvalidInputError(f"{name}: got {one}, expected a finite number")
-                for allowed in ranges:
-                    if one not in allowed:
-                        raise InvalidInputError(f"{name}: got {shown(one)}, expected {allowed}")
+        else:
+            _check_argument(name, value, hints[field.name])
 
 
-def _values(value: Any) -> Iterator[Any]:
-    """Yield an argument, or its entries."""
+def _check_argument(name: str, value: Any, hint: Any) -> None:
+    """Refuse an argument, or an entry of it, that its type hint does not allow."""
+    choices, marks = dict.fromkeys(_choices(hint)), list(_marks(hint))
+    ranges = [mark for mark in marks if isinstance(mark, Range)]
+    is_output = any(isinstance(mark, Output) for mark in marks)
+    has_keys = isinstance(value, Mapping)  # which are text beside numbers
+    for entry in _entries(value):
+        if choices and entry is not None:
+            choose(name, entry, choices)
+        elif ranges and isinstance(entry, str | bool) and not has_keys:
+            raise InvalidInputError(f"{name}: got {shown(entry)}, expected {ranges[0]}")
+        if isinstance(entry, str | Path):
+            text(name, entry)
+        if isinstance(entry, Path):
+            check_place(name, entry, makes=is_output)
+        if isinstance(entry, int | float) and not isinstance(entry, bool):
+            _check_number(name, entry, ranges)
+
+
+def _check_number(name: str, number: float, ranges: list[Range]) -> None:
+    """Refuse a number that is not finite or out of a range."""
+    if not math.isfinite(number):
+        raise InvalidInputError(f"{name}: got {number}, expected a finite number")
+    for allowed in ranges:
+        if number not in allowed:
+            raise InvalidInputError(f"{name}: got {shown(number)}, expected {allowed}")
+
+
+def _entries(value: Any) -> Iterator[Any]:
+    """Yield an argument, or the entries of a list, or the keys and values of a mapping."""
     if isinstance(value, Mapping):
         value = (*value, *value.values())
     if isinstance(value, tuple | list):
-        for one in value:
-            yield from _values(one)
+        for entry in value:
+            yield from _entries(entry)
     else:
         yield value
 
 
 def _choices(hint: Any) -> Iterator[Any]:
-    """Yield the literals of a type hint."""
+    """Yield the literals of a type hint, such as "a" and "b" of ``Literal["a", "b"] | None``."""
     if get_origin(hint) is Literal:
         yield from get_args(hint)
     else:
@@ -98,7 +109,7 @@ def _choices(hint: Any) -> Iterator[Any]:
 
 
 def _marks(hint: Any) -> Iterator[Any]:
-    """Yield the metadata of a type hint and of its parts."""
+    """Yield the metadata of a type hint and of its parts, such as `Range` of ``Count | None``."""
     if get_origin(hint) is Annotated:
         yield from hint.__metadata__
     for part in get_args(hint):
@@ -111,5 +122,5 @@ class Subcommand(NamedTuple):
 
     module: str  # imported when the command is called, not before
     does: str  # one line for the list of commands
-    extra: str = ""  # the extra that brings what it needs, where it needs more than the core
-    needs: tuple[str, ...] = ()  # the modules of that extra that must be there
+    extra: str = ""  # the extra that installs its dependencies, "" for none
+    needs: tuple[str, ...] = ()  # the modules of that extra that it imports

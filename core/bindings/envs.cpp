@@ -57,6 +57,9 @@ tally::Step view_of(const Step& step) {
 }
 
 void bind_tally(nb::module_& m) {
+  m.attr("TALLY_TERMS") = static_cast<Index>(tally::TERMS);
+  m.attr("TALLY_REWARD") = static_cast<Index>(tally::REWARD);
+  m.attr("TALLY_HEAD") = static_cast<Index>(tally::HEAD);
   m.def("tally_count", [](const Table& h, const Table& sensed, const Wholes& kind, const Wholes& priority,
                           const Line& x, const Line& reference, const Step& step, const Written& memory) {
     tally::count(h, sensed, kind, priority, x.data, reference.data, view_of(step),

@@ -1,6 +1,6 @@
-"""Margins that rows of any h and any model reserve for uncertain states (`model_margins.hpp`)."""
+"""Margins of rows of any barrier and model at uncertain states, by `model_margins.hpp`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 
 class Entry(NamedTuple):
-    """A barrier that Python evaluates, as it is no built-in shape, and where its row is."""
+    """A barrier that Python evaluates, as it is no built-in shape, and the place of its row."""
 
     scene: int  # index of its scene among N
     place: int  # index of its row among m
@@ -44,11 +44,14 @@ class Slopes(NamedTuple):
 class Reserve:
     """Derives the margins of the rows of N plants of one model.
 
+    A distance d lowers h by ``d ‖∇h‖``. Its `fixed` part is in the unit of h already and must not
+    be scaled by the slope, so that it is taken out of d here and added to each margin in `write`.
+
     Args:
         model: ẋ = f(x) + g(x)u.
         input_set: U.
-        uncertainty: what the rows reserve, `fixed` included in its distance.
-        fixed: the part of that distance in the unit of h: against dips, or given by hand.
+        uncertainty: what the rows reserve; its distance d includes `fixed`.
+        fixed: the part of d against dips between samples, or set by the user [unit of h].
         period: T [s]; None where it is not known.
     """
 
@@ -76,35 +79,49 @@ class Reserve:
         """Write the margin columns of rows, from `rows.MARGIN` to `rows.FAST`.
 
         Args:
-            scenes: of the N plants, m barriers in each.
-            entries: the barriers for whose ∇h a margin is reserved; none where none is.
-            states: of the plants.
-            growth: (N,) of the covariance of the velocity until the next sample [m²/s²].
+            scenes: m barriers of each of N plants.
+            entries: the barriers for whose ∇h a margin is reserved.
+            states: the plants' states.
+            growth: (N,) how much the velocity's variance grows in a period [m²/s²].
             out: (N, m, WIDTH + n_u) the rows.
         """
         count, m = scenes.kind.shape
         sizes, settings = largest_inputs(self._input_set), np.array(self.settings)
         core = _core.Reserve(compiled(self._model), settings, sizes, self._period, count)
         slopes = slopes_of(entries, states, self.settings, m)
-        barriers = scenes.kind, scenes.parameters, scenes.own_margin + self.fixed
-        core.write(*states, growth, *barriers, *slopes, self._model.n_p, out)
+        core.write(
+            **states._asdict(),
+            growth=growth,
+            kind=scenes.kind,
+            parameters=scenes.parameters,
+            least=scenes.own_margin + self.fixed,
+            gradient=slopes.gradient,
+            bend=slopes.loss,
+            n_p=self._model.n_p,
+            out=out,
+        )
 
 
 def largest_inputs(input_set: InputSet) -> Array:
     """Return (n_u,) the largest size of each input in U."""
     axes = np.eye(input_set.n_u)
-    return np.array([max(input_set.support(one), input_set.support(-one)) for one in axes])
+    return np.array([max(input_set.support(axis), input_set.support(-axis)) for axis in axes])
 
 
 def slopes_of(
     entries: Sequence[Entry], states: UncertainStates, reserved: Uncertainty, m: int
 ) -> Slopes:
-    """Return the slopes of barriers that Python evaluates; ∇h is NaN where one is unreadable.
+    r"""Return ∇h, and how much h may fall beyond it, of the barriers that Python evaluates.
+
+    With H the Hessian of h, κ the confidence, P = V Λ Vᵀ and S = κ V Λ^½, the deviations that are
+    reserved are S z, ‖z‖ ≤ 1, and h falls in second order by at most ``½ max(0, −λ_min(Sᵀ H S))``.
+    The known error e = x − x_body takes ``½ max(0, −eᵀ H e)`` more. ∇h is NaN where Python cannot
+    read a barrier.
 
     Args:
         entries: these barriers.
         states: of the N plants.
-        reserved: what a deviation reserves.
+        reserved: the uncertainty, of which the confidence counts.
         m: the number of rows of a scene.
     """
     x, time = states.x, states.time
@@ -113,24 +130,38 @@ def slopes_of(
         return Slopes(gradient, loss)
     error = x - (states.model + states.lag)
     values, vectors = np.linalg.eigh(states.covariance)
-    scale = _core.margin_of_deviation(np.array(reserved), 1.0)
-    root = scale * np.swapaxes(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :], 1, 2)
+    scaled = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    root = reserved.confidence * np.swapaxes(scaled, 1, 2)  # Sᵀ (N, n, n)
+    for barrier, k, plants in _by_barrier(entries):
+        try:
+            gradient[plants, k], hessian = _derivatives(barrier, x[plants], time[plants])
+            loss[plants, k] = _second_order_loss(hessian, root[plants], error[plants])
+        except UNREADABLE:  # the barrier is a user's own
+            gradient[plants, k] = np.nan
+    return Slopes(gradient, loss)
+
+
+def _by_barrier(entries: Sequence[Entry]) -> Iterator[tuple[Barrier, int, list[int]]]:
+    """Yield each barrier with the index of its row and the plants that share it."""
     shared: dict[tuple[int, int], list[Entry]] = {}
     for entry in entries:
         shared.setdefault((entry.place, id(entry.barrier)), []).append(entry)
-    for sharing in shared.values():
-        k, barrier, scenes = sharing[0].place, sharing[0].barrier, [one.scene for one in sharing]
-        try:
-            if len(scenes) == 1:
-                jet = barrier.jet(x[scenes[0]], float(time[scenes[0]]))
-                gradient[scenes, k], hessian = jet.gradient, np.asarray(jet.hessian)[None]
-            else:
-                jets = barrier.batch(x[scenes], time[scenes])
-                gradient[scenes, k], hessian = jets.gradient, np.asarray(jets.hessian)
-            spread = root[scenes] @ hessian @ np.swapaxes(root[scenes], 1, 2)
-            by_spread = np.linalg.eigvalsh(spread)[:, 0]
-            by_error = (error[scenes, None] @ hessian @ error[scenes][..., None])[:, 0, 0]
-            loss[scenes, k] = -0.5 * (np.minimum(by_spread, 0.0) + np.minimum(by_error, 0.0))
-        except UNREADABLE:
-            gradient[scenes, k] = np.nan
-    return Slopes(gradient, loss)
+    for (place, _), sharing in shared.items():
+        yield sharing[0].barrier, place, [entry.scene for entry in sharing]
+
+
+def _derivatives(barrier: Barrier, x: Array, time: Array) -> tuple[Array, Array]:
+    """Return ∇h (k, n) and H (k, n, n) at states (k, n) and times (k,)."""
+    if len(x) == 1:  # a single plant needs no method for batches
+        jet = barrier.jet(x[0], float(time[0]))
+        return jet.gradient, np.asarray(jet.hessian)[None]
+    jets = barrier.batch(x, time)
+    return jets.gradient, np.asarray(jets.hessian)
+
+
+def _second_order_loss(hessian: Array, root: Array, error: Array) -> Array:
+    """Return (k,) the loss that `slopes_of` defines, of H, Sᵀ (k, n, n) and e (k, n)."""
+    spread = root @ hessian @ np.swapaxes(root, 1, 2)
+    by_spread = np.linalg.eigvalsh(spread)[:, 0]
+    by_error = (error[:, None] @ hessian @ error[..., None])[:, 0, 0]
+    return -0.5 * (np.minimum(by_spread, 0.0) + np.minimum(by_error, 0.0))

@@ -56,14 +56,14 @@ class A1Drive(Drive[A1Physics]):
     def rest(self, position: Array) -> None:
         """Be at rest at a position (2,) [m]."""
         super().rest(position)
-        self._known: Array | None = None  # (41,) the robot's state as estimated
+        self._estimated: Array | None = None  # (41,) the robot's state; None for the truth
 
     def _begin(self, rng: np.random.Generator) -> None:
         if self._estimator is not None:
             # errors of the sensors come from a stream of their own: the plant stays the same
             (errors,) = rng.spawn(1)
-            self._known = self._estimator.reset(self.simulation.truth, errors)
-        self.controller.reset(self.simulation.state(self._known))
+            self._estimated = self._estimator.reset(self.simulation.truth, errors)
+        self.controller.reset(self.simulation.state(self._estimated))
         self.watch.reset()
 
     def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
@@ -75,27 +75,27 @@ class A1Drive(Drive[A1Physics]):
 
     def _tick(self, k: int) -> bool:
         simulation, controller = self.simulation, self.controller
-        state = simulation.state(self._known)
+        state = simulation.state(self._estimated)
         torque = controller.step(state, self._u)
         self.watch.tick(state.vector, torque, controller.stance)
         simulation.step(torque)
         if simulation.diverged:
             return False
         if self._estimator is not None:
-            self._known = self._estimator.tick(simulation.truth)
+            self._estimated = self._estimator.tick(simulation.truth)
         return True
 
     def estimate(self, time: float) -> Estimate:
         """Return the state on which the loop is closed, at a time since the reset [s]."""
-        body = self.truth if self._known is None else self._known[BASE]
+        body = self.truth if self._estimated is None else self._estimated[BASE]
         reference = self.controller.reference
         model = np.concatenate([reference.position, reference.velocity])
         position = np.concatenate([body[:2], model[2:]])
         x = {"measured": body, "position": position, "rom": model}[self.feedback]
         covariance, yaw = None, self.simulation.yaw
         if self._estimator is not None:
-            known = self._estimator.estimate
-            covariance, yaw = known.covariance, known.yaw
+            estimate = self._estimator.estimate
+            covariance, yaw = estimate.covariance, estimate.yaw
         fault = ALARMS[self.watch.fault]
         return Estimate(x, time, covariance, model, body - model, np.float64(yaw), fault=fault)
 

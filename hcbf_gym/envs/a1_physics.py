@@ -62,14 +62,14 @@ class A1Physics(Simulation):
         spec = scene.robot_spec(self.robot)
         scene.set_physics(spec, timestep)
         robot = SimulatedRobot(
-            spec,
-            self.robot.xml_file,
-            a1.TRUNK,
-            self.robot.home_joints,
-            self.robot.home_height,
-            len(a1.JOINTS),
-            MIN_UPRIGHT,
-            MIN_HEIGHT,
+            spec=spec,
+            source=self.robot.xml_file,
+            trunk=a1.TRUNK,
+            home_joints=self.robot.home_joints,
+            height=self.robot.home_height,
+            inputs=len(a1.JOINTS),
+            least_upright=MIN_UPRIGHT,
+            least_height=MIN_HEIGHT,
             floor_decides=False,
         )
         super().__init__(robot, drawn, obstacles, terrain, disturbances)
@@ -79,12 +79,12 @@ class A1Physics(Simulation):
         )
         # of the sensors (3,) of each foot
         self._reader = _core.A1State(self._qpos, self._qvel, self.data.sensordata[:12])
-        self._arrive()
+        self._end_tick()
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest, and compute what follows from its pose."""
         super().reset(position, yaw, rng)
-        self._arrive()
+        self._end_tick()
 
     def step(self, inputs: Array) -> None:
         """Advance the physics by one tick under the joint torques (12,) [N·m].
@@ -95,7 +95,7 @@ class A1Physics(Simulation):
         mujoco.mj_step2(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()  # mj_step1 replaces the contacts they belong to
-        self._arrive()
+        self._end_tick()
 
     def place_geoms(self) -> None:
         """Do nothing: a tick ends with it."""
@@ -103,16 +103,16 @@ class A1Physics(Simulation):
     def _set_conditions(self) -> None:
         self.model.geom_friction[self._feet, 0] = self.conditions.floor_friction
 
-    def _arrive(self) -> None:
+    def _end_tick(self) -> None:
         """Compute what follows from the new positions and velocities, and read the state."""
         mujoco.mj_step1(self.model, self.data)
         self.truth = np.empty(STATE_SIZE)
-        self._finite = self._reader.read(self.truth)
+        self._is_finite = self._reader.read(self.truth)
 
     @property
     def diverged(self) -> bool:
         """Whether the robot's state has left the finite numbers."""
-        return not self._finite
+        return not self._is_finite
 
     @property
     def base_state(self) -> Array:

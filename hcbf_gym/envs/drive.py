@@ -50,9 +50,9 @@ class Drive(ABC, Generic[S]):
                 f"timestep: got {self._timestep} s, expected one that divides {task.CONTROL_DT} s"
             )
         self._ticks: Array = np.arange(1, count + 1) * np.float64(self._timestep)
-        self._base: Array = np.empty((count, BASE_SIZE))
+        self._base: Array = np.empty((count, BASE_SIZE))  # the trunk after each tick
         self._rows = list(self._base)
-        self._began = 0.0
+        self._began = 0.0  # when the control step began [s]
         self.rest(np.zeros(2))
 
     def rest(self, position: Array) -> None:
@@ -95,28 +95,28 @@ class Drive(ABC, Generic[S]):
 
     def _run(self, barriers: BarrierSet, time: float) -> Motion:
         """Run the ticks of one control step that begins at a time [s]."""
-        simulation, bodies, count = self.simulation, [], 0
+        simulation, body_heights, count = self.simulation, [], 0
         self._began = time
         force = np.zeros(len(simulation.obstacle_forces()))
-        touches, measured = len(force) > 0, self._footprint is not None
+        has_obstacles, has_body = len(force) > 0, self._footprint is not None
         for row in self._rows:
             if not self._tick(count):
-                break
+                break  # the state is no longer finite, and the last one that is holds
             simulation.base(row)
-            if measured:
-                bodies.append(self._body_h(barriers, time + self._ticks[count]))
-            if touches:
+            if has_body:
+                body_heights.append(self._body_h(barriers, time + self._ticks[count]))
+            if has_obstacles:
                 force = np.maximum(force, simulation.obstacle_forces())
             count += 1
         path = self._walked(self._base[:count])
         times = time + self._ticks[: len(path)]
-        if not measured:
+        if not has_body:
             return Motion(path, times, force)
-        bodies = bodies[: len(path)] or [self._body_h(barriers, time)]
-        return Motion(path, times, force, bodies[-1], np.minimum.reduce(bodies))
+        body_heights = body_heights[: len(path)] or [self._body_h(barriers, time)]
+        return Motion(path, times, force, body_heights[-1], np.minimum.reduce(body_heights))
 
     def _walked(self, base: Array) -> Array:
-        """Return the path (k, 4) of the trunk's origin; set it and the point that follows."""
+        """Return the path (k, 4) of the trunk's origin; update `origin` and `truth` by its end."""
         path = tracked(base, 0.0)
         if len(path) == 0:  # the last finite state holds
             return self.origin[None]
@@ -127,6 +127,7 @@ class Drive(ABC, Generic[S]):
         return path
 
     def _body_h(self, barriers: BarrierSet, time: float) -> Array | None:
+        """Return h (m,) of the whole body at a time [s]; None for a point."""
         if self._footprint is None:
             return None
         self.simulation.place_geoms()

@@ -1,4 +1,4 @@
-"""What this package's environments show of themselves to Gymnasium, filters and certificates."""
+"""The interface of this package's environments to Gymnasium, filters and certificates."""
 
 from dataclasses import replace
 from functools import partial
@@ -35,7 +35,7 @@ READERS = _BARRIERS, _ESTIMATE, _GOAL, _JUDGED
 
 
 class PlantModel(NamedTuple):
-    """What a filter assumes of a robot, from its environment's arguments."""
+    """The model of a robot that a filter assumes, from its environment's arguments."""
 
     input_set: InputSet  # U, shrunk to what the robot can follow
     v_max: float | None  # the strict cap on the speed [m/s]; None for none
@@ -61,7 +61,7 @@ def exact(scenes: SceneSource, n: int | None = None) -> PlantModel:
 
 
 class RankedRegions:
-    """What single and native vector environments share.
+    """The base of single and native vector environments: their plant, and its certificate.
 
     ``EnvSpec.from_json(spec.to_json()) == spec`` holds: arguments that JSON does not have (a
     `Scenario`, a path, arrays, tuples) become their plain form, which the constructors read, too.
@@ -73,7 +73,7 @@ class RankedRegions:
     _family: Any  # of the present scene, a list of N in a vector environment
 
     def _declare(self, known: PlantModel, scenes: SceneSource, render_mode: str | None) -> None:
-        """Set what the environment was made of; warn where its arguments are not covered."""
+        """Set the environment's model and scenes; warn where its arguments are not covered."""
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidInputError(
                 f"render_mode: got {render_mode!r}, expected None or one of "
@@ -139,7 +139,7 @@ class RankedRegions:
 class SingleRegions(  # pyright: ignore[reportIncompatibleVariableOverride] - spec, see above
     RankedRegions, gym.Env[Array, Array]
 ):
-    """What the environments of one robot share: how episodes begin and scenes change."""
+    """The base of environments of one robot: it begins episodes and changes scenes."""
 
     action_space: gym.Space
     observation_space: gym.Space

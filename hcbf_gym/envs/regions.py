@@ -127,7 +127,7 @@ class RegionsEnv(SingleRegions):
         """
         u = task.check_action(action, (2,))
         task.check_started(self._started)
-        step = self._batch.step(u[None], between=self._go_on)
+        step = self._batch.step(u[None], between=self._redraw_intentions)
         self._path.append(self.rom_state[:2])
         ended, info = bool(step.reached[0]), task.first(step.info)
         return step.observation[0], float(step.reward[0]), ended, False, info
@@ -148,7 +148,7 @@ class RegionsEnv(SingleRegions):
         self.scenario = scenario
         self._batch.set_scene(0, scenario)
 
-    def _go_on(self) -> None:
+    def _redraw_intentions(self) -> None:
         """Let hidden intentions change the scene."""
         scene = self._scenes.scene
         if self._scenes.redrawn(scene, self.time, self.np_random):

@@ -24,7 +24,7 @@ class BatchStep(NamedTuple):
 
 
 class References(NamedTuple):
-    """What N robots follow, at the control times."""
+    """The motions that N robots follow, at the control times."""
 
     tables: Array  # (k, T, 6) position [m], velocity [m/s] and acceleration [m/s²]
     of: Integers  # (N,) which table each robot follows
@@ -121,9 +121,9 @@ class RegionsBatch:
         tables, of, last = self._references
         return tables[of, np.minimum(self.steps, last)]
 
-    def _moment(self, before: Array, sensed: Array, min_h: Array, u: Array) -> Moment:
-        """Return what hooks see of a step, or of a reset."""
-        return Moment(before, self.x, self._reference(), sensed[:, : self.n_barriers], min_h, u)
+    def _moment(self, x_before: Array, sensed: Array, min_h: Array, u: Array) -> Moment:
+        """Return what a family's hooks see of a step, or of a reset."""
+        return Moment(x_before, self.x, self._reference(), sensed[:, : self.n_barriers], min_h, u)
 
     def reset_infos(self) -> tuple[Array, dict[str, Array]]:
         """Return the observation (N, n) and the infos of a reset."""
@@ -151,14 +151,15 @@ class RegionsBatch:
         """
         u = np.minimum(np.maximum(action, self.low), self.high)
         scene, hooks = self.barrier_set, self._hooks
-        start = self.x.copy() if scene.own or hooks.sees_steps else self.x
+        # the core advances x in place; users' own barriers and hooks need the states before
+        x_before = self.x.copy() if scene.own or hooks.sees_steps else self.x
         min_h, distance_before = np.empty(scene.kind.shape), np.empty(len(u))
         _core.regions_advance(
             scene.kind, scene.parameters, scene.atlas.numbers, self._references, self.x, self.steps,
             u, self._v_max, min_h, distance_before,
         )  # fmt: skip
         if scene.own:
-            self._evaluate_own(start.copy(), u, min_h)
+            self._evaluate_own(x_before.copy(), u, min_h)
         self.steps += 1
         if restarting is not None:
             self.restart(restarting)
@@ -173,8 +174,8 @@ class RegionsBatch:
         info = task.step_info(h, min_h, scene, self._ranks, error, success)
         if hooks.sees_steps:
             if restarting is not None:
-                start[restarting], u[restarting] = self.x[restarting], 0.0
-            moment = self._moment(start, sensed, min_h, u)
+                x_before[restarting], u[restarting] = self.x[restarting], 0.0
+            moment = self._moment(x_before, sensed, min_h, u)
             terms, info["costs"] = task.judged(hooks, moment, terms, info["costs"])
         if restarting is not None:
             for term in terms.values():

@@ -69,13 +69,13 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self._family = [self._family] * num_envs
         self._limit = np.inf if max_episode_steps == -1 else max_episode_steps
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
-        self._now: list[Scene | Scenario] = [self.scenario] * num_envs
+        self._current: list[Scene | Scenario] = [self.scenario] * num_envs
         self._batch = RegionsBatch(
             [self.scenario] * num_envs, source.hooks, own_references=source.drawn is not None
         )
-        self._given = np.zeros(num_envs, dtype=np.bool_)
-        self._done = np.zeros(num_envs, dtype=np.bool_)
-        self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
+        self._is_given = np.zeros(num_envs, dtype=np.bool_)  # whose scene is of a reset's options
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)  # (N, 2) each [m]
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(self._batch.look()[0])
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -84,7 +84,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
     @property
     def scenes(self) -> list[Scenario]:
         """The scene of each environment now."""
-        return list(map(self._scenes.scenario, self._now))
+        return list(map(self._scenes.scenario, self._current))
 
     @property
     def rom_state(self) -> Array:
@@ -139,13 +139,13 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self._seed(seed)
         self._draw_scenes(mask, given)
         self._batch.restart(mask)
-        self._done[mask] = False
+        self._ended[mask] = False
         self._started = True
         if mask.all():
             self._trace.clear()
         elif self._trace:
             self._trace.pop()
-        self._remember()
+        self._record_positions()
         observation, info = self._batch.reset_infos()
         return observation, vector_infos.only(self._report(info), mask)
 
@@ -158,21 +158,21 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         """
         u = task.check_action(actions, (self.num_envs, 2))
         task.check_started(self._started)
-        restarting = self._done.copy() if self.autoreset_mode is AutoresetMode.NEXT_STEP else None
+        restarting = self._ended.copy() if self.autoreset_mode is AutoresetMode.NEXT_STEP else None
         if restarting is not None and restarting.any():
             self._draw_scenes(restarting, {})
-        step = self._batch.step(u, restarting, between=self._go_on)
+        step = self._batch.step(u, restarting, between=self._redraw_intentions)
         observation, reward, terminated, info = step
         truncated = self._batch.steps >= self._limit
-        self._done = terminated | truncated
+        self._ended = terminated | truncated
         infos = self._report(info)
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any():
-            done, self._done = self._done, np.zeros(self.num_envs, dtype=np.bool_)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
+            done, self._ended = self._ended, np.zeros(self.num_envs, dtype=np.bool_)
             self._draw_scenes(done, {})
             self._batch.restart(done)
             observation, fresh = self._batch.reset_infos()
             vector_infos.start_over(infos, done, step.observation, fresh)
-        self._remember()
+        self._record_positions()
         return observation, reward, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -196,7 +196,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
 
         return TopDownView(FRAME)
 
-    def _remember(self) -> None:
+    def _record_positions(self) -> None:
         """Record the positions, of which a picture shows the last ``steps + 1``."""
         if self.render_mode is not None:
             self._trace.append(self._batch.x[:, :2].copy())
@@ -211,32 +211,34 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         return mask
 
     def _seed(self, seed: int | Sequence[int | None] | None) -> None:
-        for i, one in enumerate(task.check_seeds(seed, self.num_envs)):
-            if one is not None:
-                self._rngs[i], _ = seeding.np_random(one)
+        for i, env_seed in enumerate(task.check_seeds(seed, self.num_envs)):
+            if env_seed is not None:
+                self._rngs[i], _ = seeding.np_random(env_seed)
 
     def _draw_scenes(self, mask: Mask, given: Mapping[str, object]) -> None:
-        """Put the next scenes into the masked environments: those given, or their own."""
+        """Put the next scenes into the masked environments (N,): those given, or their own."""
         source = self._scenes
         family = source.family(given)
-        self._family = [family if m else k for m, k in zip(mask, self._family, strict=True)]
-        if given and source.drawn is None and not self._given.any():
-            self._batch.separate()
-        for i in map(int, np.flatnonzero(mask & (self._given | bool(given)))):
+        self._family = [
+            family if is_next else known for is_next, known in zip(mask, self._family, strict=True)
+        ]
+        if given and source.drawn is None and not self._is_given.any():
+            self._batch.separate()  # from now on references differ
+        for i in map(int, np.flatnonzero(mask & (self._is_given | bool(given)))):
             scene = source.next(self._rngs[i], given) if given else self.scenario
-            self._now[i], self._given[i] = scene, bool(given)
+            self._current[i], self._is_given[i] = scene, bool(given)
             self._batch.set_scene(i, scene)
         if source.drawn is not None and not given:
-            places = list(map(int, np.flatnonzero(mask)))
-            scenes = source.drawn.drawn([self._rngs[i] for i in places])
-            for k, i in enumerate(places):
-                self._now[i] = drawn = scenes.one(k)
+            indices = list(map(int, np.flatnonzero(mask)))
+            scenes = source.drawn.drawn([self._rngs[i] for i in indices])
+            for k, i in enumerate(indices):
+                self._current[i] = drawn = scenes.one(k)
                 self._batch.set_drawn(i, drawn)
 
-    def _go_on(self) -> None:
+    def _redraw_intentions(self) -> None:
         """Let hidden intentions change the scenes of those whose episodes do not begin."""
         for i, t in enumerate(self.time.tolist() if self._scenes.hidden else ()):
-            scene = self._now[i]
+            scene = self._current[i]
             if t > 0.0 and self._scenes.redrawn(scene, t, self._rngs[i]):
                 assert isinstance(scene, Scene)
                 self._batch.set_drawn(i, scene)

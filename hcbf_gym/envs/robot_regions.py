@@ -1,4 +1,4 @@
-"""What the environments with a simulated robot share: episodes, steps and pictures."""
+"""The base of environments with a simulated robot: their episodes, steps and pictures."""
 
 import math
 from typing import Any, Generic, TypeVar
@@ -29,9 +29,12 @@ D = TypeVar("D", bound=Drive)
 class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
     """A simulated robot in the ranked regions; subclasses define the robot and how it moves.
 
+    `SingleRegions` draws each episode's `scenario`, whose `barriers` and `goal` it has, and calls
+    `_set_scene` and `_restart`. A subclass extends `_info_of` and `_stopped`.
+
     Args:
         drive: the robot in its first scene, with its controller.
-        known: what a filter assumes of it.
+        known: the model of the robot that a filter assumes.
         scenes: where each episode's scene comes from.
         terrain: "flat" or "rough".
         render_mode: None, "rgb_array", or "human".
@@ -48,17 +51,19 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         render_mode: str | None,
     ):
         self._declare(known, scenes, render_mode)
-        own, self.drive, self._hooks = scenes.own, drive, scenes.hooks
-        corners = own.input_set.vertices()
-        self._bounds = corners.min(axis=0), corners.max(axis=0)
-        self._ranks = max(barrier.priority for barrier in own.conditions)
+        scenario = scenes.own
+        corners = scenario.input_set.vertices()
+        self._u_min, self._u_max = corners.min(axis=0), corners.max(axis=0)
+        self._hooks = scenes.hooks
+        self._ranks = max(barrier.priority for barrier in scenario.conditions)
         self.artist = SceneArtist(ROUGH_STEP if terrain == "rough" else 0.0)
         self._renderer: OffscreenRenderer | WindowRenderer | None = None
-        self._steps = 0
-        drive.rest(np.array(own.start))
-        self._estimate = drive.estimate(0.0)
-        self._set_scene(own)
-        self.action_space = task.action_space(own.input_set)
+        # the robot is at rest at the start, where `_set_scene` and `_observe` read it
+        self.drive = drive
+        drive.rest(np.array(scenario.start))
+        self._steps, self._estimate, self._fallen = 0, drive.estimate(0.0), False
+        self._set_scene(scenario)
+        self.action_space = task.action_space(scenario.input_set)
         self.observation_space = task.observation_space(self._observe()[None])
 
     @property
@@ -116,34 +121,39 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
-        low, high = self._bounds
-        u = np.minimum(np.maximum(task.check_action(action, (2,)), low), high)
+        u = np.minimum(np.maximum(task.check_action(action, (2,)), self._u_min), self._u_max)
         task.check_started(self._started)
-        drive, scene, known = self.drive, self.barrier_set, self._estimate
-        motion = drive.hold(u, scene, self.time)
-        self._steps += 1
-        self._estimate = drive.estimate(self.time)
-        self._fallen = drive.simulation.fallen
-        reference = self._reference()
-        self.artist.walk(drive.truth[:2].tolist())
-
-        before = self._distance
-        distance = self._distance = self._distance_to(reference)
-        at_end = self._steps >= len(self._references) - 1
-        success = at_end and distance <= self.scenario.goal_radius and not self._fallen
-        counted = self._tally.count(
-            scene, motion, self._estimate, reference, u, (before, distance), success
+        x_before, distance_before = self._estimate.x, self._distance
+        motion = self._advance(u)
+        success = self._has_succeeded()
+        distances, reference = (distance_before, self._distance), self._reference()
+        observation, reward, info = self._tally.count(
+            self.barrier_set, motion, self._estimate, reference, u, distances, success
         )
-        info = self._with_robot(counted.info, motion)
-        observation, reward, hooks = counted.observation, counted.reward, self._hooks
-        if hooks.observe is not None:
+        info = self._with_robot(info, motion)
+        if self._hooks.observe is not None:
             observation = self._observe()
-        if hooks.sees_steps:
-            reward = self._judge(info, self._moment(known.x, info["min_h"], u))
+        if self._hooks.sees_steps:
+            reward = self._judge(info, self._moment(x_before, info["min_h"], u))
         if self.render_mode == "human":
             self.render()
-        ended = self._stopped() or (success and self.scenario.task == "reach")
-        return observation, reward, ended, False, info
+        terminated = self._stopped() or (success and self.scenario.task == "reach")
+        return observation, reward, terminated, False, info
+
+    def _advance(self, u: Array) -> Motion:
+        """Move the robot for one control step, and update its estimate and its distance."""
+        motion = self.drive.hold(u, self.barrier_set, self.time)
+        self._steps += 1
+        self._estimate = self.drive.estimate(self.time)
+        self._fallen = self.simulation.fallen
+        self._distance = self._distance_to(self._reference())
+        self.artist.walk(self.drive.truth[:2].tolist())
+        return motion
+
+    def _has_succeeded(self) -> bool:
+        """Return whether the reference has ended and the robot is at the goal, not fallen."""
+        has_ended = self._steps >= len(self._references) - 1
+        return has_ended and self._distance <= self.scenario.goal_radius and not self._fallen
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return an (480, 640, 3) picture, or show the scene in a window."""
@@ -190,6 +200,7 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         return math.dist(reference[:2].tolist(), self.drive.truth[:2].tolist())
 
     def _observe(self) -> Array:
+        """Return what a policy sees now: (8 + 4 m,), or a family's own observation."""
         x, reference, sensed = self._estimate.x[None], self._reference()[None], self._sensed()
         return task.observe(self._hooks, x, reference, sensed)[0]
 
@@ -198,13 +209,13 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         _, sensed = self.barrier_set.sense(self._estimate.x[None], np.array([self.time]))
         return sensed[:, : len(self.scenario.conditions)]
 
-    def _moment(self, before: Array, min_h: Array, u: Array) -> Moment:
-        """Return what hooks see of a step, or of a reset."""
+    def _moment(self, x_before: Array, min_h: Array, u: Array) -> Moment:
+        """Return what a family's hooks see of a step, or of a reset."""
         x, reference = self._estimate.x[None], self._reference()[None]
-        return Moment(before[None], x, reference, self._sensed(), min_h[None], u[None])
+        return Moment(x_before[None], x, reference, self._sensed(), min_h[None], u[None])
 
     def _judge(self, info: Info, moment: Moment) -> float:
-        """Put the reward and the costs of a family's own into infos; return the reward."""
+        """Replace reward and costs in the infos by a family's own ones; return the reward."""
         terms = {name: np.array([info.pop(name)]) for name in task.REWARD_TERMS[self.scenario.task]}
         terms, costs = task.judged(self._hooks, moment, terms, info["costs"][None])
         info |= task.first(terms)
@@ -212,14 +223,15 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         return float(sum(term[0] for term in terms.values()))
 
     def _with_robot(self, info: Info, motion: Motion) -> Info:
-        """Return the infos with the robot's, and the costs of its whole body if that counts."""
+        """Return the infos with the robot's, and with its body's costs where it is no point."""
         info = info | self._info_of(motion)
-        if motion.body_h is not None and motion.least_body_h is not None:
-            least = info["min_body_h"] = motion.least_body_h.copy()
-            info["body_h"] = motion.body_h
-            least = np.minimum(info["min_h"], least)[None]
-            cost, costs = task.costs_of(least, self.barrier_set, self._ranks)
-            info["cost"], info["costs"] = cost[0], costs[0]
+        if motion.body_h is None or motion.least_body_h is None:
+            return info
+        info["min_body_h"] = motion.least_body_h.copy()
+        info["body_h"] = motion.body_h
+        min_h = np.minimum(info["min_h"], info["min_body_h"])[None]
+        cost, costs = task.costs_of(min_h, self.barrier_set, self._ranks)
+        info["cost"], info["costs"] = cost[0], costs[0]
         return info
 
     def _stopped(self) -> bool:

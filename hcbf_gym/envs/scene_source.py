@@ -91,7 +91,7 @@ class SceneSource:
                 f"redraw: got {shown(scene.velocities)}, expected finite velocities"
             )
         scene.velocities[scene.shapes[:, SHAPE] == HALF_PLANE] = 0.0
-        slower = before - scene.velocities
+        slower = before - scene.velocities  # a shape's position is that at time 0
         scene.shapes[:, [X, Y]] += t * slower
         return bool(slower.any())
 
@@ -117,7 +117,7 @@ class SceneSource:
 
 
 def _alike(scene: Scenario) -> dict[str, object]:
-    """Return what spaces, filter and physics depend on."""
+    """Return the properties that spaces, filter and physics depend on."""
     return {
         "task": scene.task,
         "input_set": scene.input_set.to_dict(),

@@ -65,18 +65,18 @@ class Simulation(ABC):
     ) -> None:
         self._disturbance = disturbance_from_dict(disturbances)
         self._randomization = randomization
-        self._loaded = randomization.payload[1] > 0.0
+        self._has_payload = randomization.payload[1] > 0.0
         spec = robot.spec
         scene.add_ground(spec, terrain, robot.floor_decides)
         scene.add_boxes(spec, obstacles)
-        if self._loaded:
+        if self._has_payload:
             scene.add_payload(spec, randomization.payload_position, robot.trunk)
         # a divergence is reported: MuJoCo would put the robot back to its first pose
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.model = compile_spec(spec, robot.source)
         self.data = mujoco.MjData(self.model)
         self.trunk, self.home_joints = robot.trunk, robot.home_joints
-        self._trunk = self.model.body(robot.trunk).id
+        self._trunk_id = self.model.body(robot.trunk).id
         self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
         self._forces = np.zeros(len(self._boxes))
         self._height = robot.height + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
@@ -88,7 +88,7 @@ class Simulation(ABC):
         self._pose, self._twist = self.data.qpos[:7], self.data.qvel[:6]
         self._rng = np.random.default_rng(0)
         self._pushes: list[Push] = []
-        self._delayed: deque[Array] = deque()
+        self._delayed: deque[Array] = deque()  # inputs that have not arrived yet
         self.conditions: PlantConditions = randomization.draw(self._rng)
 
     def __getstate__(self) -> NoReturn:
@@ -109,7 +109,7 @@ class Simulation(ABC):
         self._set_conditions()
         self._forces = np.zeros(len(self._boxes))
         mujoco.mj_resetData(self.model, self.data)
-        if self._loaded:
+        if self._has_payload:
             self._load(self.conditions.payload)
         stand(self.data, position + offset, self._height, yaw + turn, self.home_joints)
 
@@ -150,7 +150,7 @@ class Simulation(ABC):
 
     def push(self, force: Array) -> None:
         """Apply a force (3,) [N] at the trunk's centre of mass until the next call."""
-        self.data.xfrc_applied[self._trunk, :3] = force
+        self.data.xfrc_applied[self._trunk_id, :3] = force
 
     @property
     def yaw(self) -> float:
@@ -175,17 +175,19 @@ class Simulation(ABC):
         return self._forces
 
     def _measure_forces(self) -> Array:
+        """Return (k,) the normal force between the robot and each box now [N]."""
         forces, wrench = np.zeros(len(self._boxes)), np.zeros(6)
         pairs = self.data.contact.geom
         for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
             first, second = pairs[index].tolist()
             box, other = (first, second) if first in self._boxes else (second, first)
-            if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk:
+            if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk_id:
                 mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
                 forces[self._boxes == box] += wrench[0]
         return forces
 
     def _load(self, payload: float) -> None:
+        """Set the payload's mass [kg] and the inertia of its box."""
         body = self.model.body(scene.PAYLOAD).id
         x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
         self.model.body_mass[body] = payload

@@ -1,12 +1,13 @@
-"""The origin of positions: near the start of a plant that begins far away, as in a survey."""
+"""Translates positions to an origin near a plant that begins far from 0, as in a survey."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, PlanarBarrier, Shape, Shapes
-from hcbf_gym.barriers.many import each, is_list
+from hcbf_gym.barriers.many import Flat, each, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.errors import InvalidInputError
@@ -19,11 +20,17 @@ FAR = 1e3
 SAME_EVERYWHERE = DoubleIntegrator, SingleIntegrator, Unicycle, KinematicBicycle
 """Models that begin with a position, on which ẋ does not depend."""
 
+_Translated = dict[int, tuple[Barrier | Shapes, Barrier | Shapes]]
+"""id → a barrier, so that no other gets its id, and its translation.
+
+Filters compare barriers by identity: one barrier must remain one object.
+"""
+
 
 class World(NamedTuple):
-    """What guidance must know of a plant's world, or of N, as their readers return it."""
+    """The goal and the extent of guidance, as a plant's readers return them; not validated yet."""
 
-    goal: Any  # (2,) or (N, 2) where guidance leads [m]
+    goal: Any  # (2,) or (N, 2) the position to which guidance leads [m]
     extent: Any  # ((x_min, y_min), (x_max, y_max)) in which it leads [m]; None for unknown
 
 
@@ -36,77 +43,79 @@ class Origin:
         model: of the plants; positions of models that are not `SAME_EVERYWHERE` stay as they are.
 
     Attributes:
-        is_decided: whether a position has decided where it is.
-        is_far: whether it is not 0.
-        at: (2,) where it is [m].
+        is_decided: whether a position has decided the origin.
+        is_far: whether the origin is not 0.
+        at: (2,) the origin [m].
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
-        self._moves = isinstance(model, SAME_EVERYWHERE)
-        self.forget()
+        self._is_movable = isinstance(model, SAME_EVERYWHERE)
+        self.is_decided, self.is_far = not self._is_movable, False
+        self.at = np.zeros(2)
+        self._translated: _Translated = {}
 
     def forget(self) -> None:
-        """Let the next position decide."""
-        self.is_decided, self.is_far = not self._moves, False
+        """Return to 0, until the next position decides."""
+        self.is_decided, self.is_far = not self._is_movable, False
         self.at = np.zeros(2)
-        self._near: dict[int, tuple[Barrier | Shapes, Barrier | Shapes]] = {}
+        self._translated = {}
 
     def decide(self, x: Array) -> None:
-        """Let the first finite position of states (N, n) decide."""
-        for place in x[:, :2]:
-            if np.abs(place).max() <= ON_EARTH:
-                self.is_decided, self.is_far = True, bool(np.abs(place).max() > FAR)
-                self.at = np.rint(place) if self.is_far else np.zeros(2)
+        """Decide the origin by the first finite position of states (N, n)."""
+        for position in x[:, :2]:
+            if np.abs(position).max() <= ON_EARTH:
+                self.is_decided, self.is_far = True, bool(np.abs(position).max() > FAR)
+                self.at = np.rint(position) if self.is_far else np.zeros(2)
                 return
 
     def shift(self, x: Array) -> None:
-        """Let states (N, n) count from here, in place."""
+        """Translate the positions of states (N, n) to the origin, in place."""
         x[:, :2] -= self.at
 
     def world(self, world: World | None) -> World | None:
-        """Return a world whose positions count from here; malformed ones stay as they are."""
+        """Return a world translated to the origin."""
         if world is None or not self.is_far:
             return world
-        return World(*(self._point(one) for one in world))
+        return World(*(self._translate_points(points) for points in world))
 
-    def _point(self, given: Any) -> Any:
+    def _translate_points(self, points: Any) -> Any:
         try:
-            return None if given is None else np.asarray(given, dtype=np.float64) - self.at
-        except Exception:  # guidance refuses it
-            return given
+            return None if points is None else np.asarray(points, dtype=np.float64) - self.at
+        except Exception:  # any error of a user's own object: guidance refuses it with a message
+            return points
 
-    def barriers(self, listed: Any) -> Any:
-        """Return barriers whose positions count from here.
-
-        A barrier that was in the call before is the same object again.
+    def barriers(self, scenes: Any) -> Any:
+        """Return barriers translated to the origin, the same objects for the same barriers.
 
         Args:
-            listed: a list of barriers, or N such lists; anything else stays as it is.
+            scenes: a list of barriers, or N such lists; anything else, which the filter refuses,
+                is returned as it is.
         """
         if not self.is_far:
-            return listed
-        if isinstance(listed, BarrierSet):
+            return scenes
+        if isinstance(scenes, BarrierSet):
             raise InvalidInputError(
                 "got the scenes of an environment, which stay where they are; expected lists of "
                 "barriers, or positions that count from nearby"
             )
-        if not is_list(listed):
-            return listed
-        before, self._near = self._near, {}
-        if any(map(is_list, listed)):
-            return tuple(self._moved(one, before) for one in listed)
-        return self._moved(listed, before)
+        if not is_list(scenes):
+            return scenes
+        previous, self._translated = self._translated, {}  # drop what is in no scene any more
+        if any(map(is_list, scenes)):
+            return tuple(self._translate_scene(scene, previous) for scene in scenes)
+        return self._translate_scene(scenes, previous)
 
-    def _moved(self, listed: Any, before: dict[int, Any]) -> tuple[Any, ...]:
-        entries = each(listed)
-        for one in entries:
-            if id(one) not in self._near:
-                self._near[id(one)] = before.get(id(one)) or (one, _moved(one, -self.at))
-        return tuple(self._near[id(one)][1] for one in entries)
+    def _translate_scene(self, scene: Sequence[Any], previous: _Translated) -> Flat:
+        translated, barriers = self._translated, each(scene)
+        for barrier in barriers:
+            key = id(barrier)
+            if key not in translated:
+                translated[key] = previous.get(key) or (barrier, _moved(barrier, -self.at))
+        return tuple(translated[id(barrier)][1] for barrier in barriers)
 
 
-def _moved(one: Barrier | Shapes, step: Array) -> Barrier | Shapes:
-    """Return a barrier a step (2,) [m] away; a user's own kind of shape is looked at as it is."""
-    if isinstance(one, Shape) and type(one) not in SHAPES:
-        return PlanarBarrier.moved(one, step)
-    return one.moved(step)
+def _moved(barrier: Barrier | Shapes, step: Array) -> Barrier | Shapes:
+    """Return a barrier a step (2,) [m] away."""
+    if isinstance(barrier, Shape) and type(barrier) not in SHAPES:  # its `places` may lack fields
+        return PlanarBarrier.moved(barrier, step)
+    return barrier.moved(step)

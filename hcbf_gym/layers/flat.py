@@ -1,4 +1,4 @@
-"""A filter of N states as a function of one array, with its derivative: both layers call it."""
+"""A filter as a function of one array of variables, with its derivative: both layers call it."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -17,7 +17,8 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.models.input_sets import InputSet
 
-_MARGINS = 3
+_STATE = 2 + 4  # u* and x
+_MARGINS = 3  # m, ṁ and m̈ of a row
 _BUILT_IN = "shapes and speed limits of this package"
 
 
@@ -37,10 +38,13 @@ class Filtered(NamedTuple):
 
 
 class FlatFilter:
-    """u of the planar double integrator as a function of u*, x, the barriers' blocks and margins.
+    """The filter of the planar double integrator as a function of its variables and the time.
+
+    The variables (…, K) are u* (2,), x (4,), and of each of m barriers its block and its margins:
+    K = 6 + 22 m.
 
     Args:
-        barriers: m of them, of built-in kinds; their numbers are defaults that a call may replace.
+        barriers: m of them, of built-in kinds; their blocks are defaults that a call may replace.
         input_set: U; the box |u_i| ≤ 5 unless given.
         program: one of `programs.names`, or a plan of your own.
         alpha1: α₁; the paper's logarithm unless given.
@@ -68,29 +72,38 @@ class FlatFilter:
         **options: Any,
     ) -> None:
         scene = BarrierSet([barriers])
-        kind, self._m = scene.kind[0], len(scene.kind[0])
-        if (kind > layout.SPEED_LIMIT).any():
-            place = int(np.argmax(kind > layout.SPEED_LIMIT))
+        kind, m = scene.kind[0], len(scene.kind[0])
+        is_other = kind > layout.SPEED_LIMIT
+        if is_other.any():
             raise InvalidInputError(
-                f"barriers: got number {place} of another kind, expected {_BUILT_IN}"
+                f"barriers: got number {int(np.argmax(is_other))} of another kind, expected "
+                f"{_BUILT_IN}"
             )
-        made = programs.make_batch(program, input_set=input_set, **options)
+        batch_program = programs.make_batch(program, input_set=input_set, **options)
+        limits = batch_program.input_set
         settings = RowSettings(
             LogClassK() if alpha1 is None else alpha1,
             alpha2,
             period,
-            made.input_set.radius,
-            input_limits(made.input_set),
+            limits.radius,
+            input_limits(limits),
             alpha_speed,
         )
-        check_limits(scene, period, made.input_set.radius)
+        check_limits(scene, period, limits.radius)
         self.blocks = scene.parameters[0]
-        core = _core.PlanarProgram(*made.settings_of(1).values())
-        self._fixed = core, kind, scene.priority[0], settings.packed
-        self._width = 6 + self._m * (layout.WIDTH + _MARGINS)
+        self._shapes = {  # of one state's arguments
+            "u_nominal": (2,),
+            "x": (4,),
+            "blocks": (m, layout.WIDTH),
+            "margin": (m, _MARGINS),
+            "t": (),
+        }
+        self._width = _STATE + m * (layout.WIDTH + _MARGINS)  # K
+        core = _core.PlanarProgram(*batch_program.settings_of(1).values())
+        self._constants = core, kind, scene.priority[0], settings.packed
 
     def variables(self, xp: Any, u_nominal: Any, x: Any, blocks: Any, margin: Any, t: Any) -> Any:
-        """Return (…, K) all of which u is a function, and t (…,), of arrays of the library `xp`.
+        """Return the variables (…, K) and the times (…,) as arrays of the library `xp`.
 
         Args:
             xp: `torch` or `jax.numpy`.
@@ -103,34 +116,31 @@ class FlatFilter:
         Raises:
             InvalidInputError: on shapes that do not fit.
         """
-        own = {
-            "u_nominal": (2,),
-            "x": (4,),
-            "blocks": (self._m, layout.WIDTH),
-            "margin": (self._m, _MARGINS),
-            "t": (),
-        }
-        arrays = dict(zip(own, (u_nominal, x, blocks, margin, t), strict=True))
-        shapes = {name: tuple(array.shape) for name, array in arrays.items()}
+        arrays = dict(zip(self._shapes, (u_nominal, x, blocks, margin, t), strict=True))
+        batch = self._batch_of({name: tuple(array.shape) for name, array in arrays.items()})
+        u_nominal, x, blocks, margin, t = (
+            xp.broadcast_to(array, (*batch, *self._shapes[name])) for name, array in arrays.items()
+        )
+        of_barriers = xp.concatenate([blocks, margin], -1)  # (…, m, 22)
+        flat = of_barriers.reshape((*batch, self._width - _STATE))
+        return xp.concatenate([u_nominal, x, flat], -1), t
+
+    def _batch_of(self, shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+        """Return the leading axes to which arguments of these shapes broadcast."""
         leading = []
         for name, shape in shapes.items():
-            axes = len(shape) - len(own[name])
-            if axes < 0 or shape[axes:] != own[name]:
-                expected = ", ".join(map(str, own[name]))
+            of_one = self._shapes[name]
+            axes = len(shape) - len(of_one)
+            if axes < 0 or shape[axes:] != of_one:
+                expected = ", ".join(map(str, of_one))
                 raise InvalidInputError(f"{name}: got shape {shape}, expected (..., {expected})")
             leading.append(shape[:axes])
         try:
-            batch = np.broadcast_shapes(*leading)
+            return np.broadcast_shapes(*leading)
         except ValueError as error:
             raise InvalidInputError(
                 f"arguments: got shapes {shapes}, expected leading axes that broadcast"
             ) from error
-        u, state, numbers, margins, times = (
-            xp.broadcast_to(array, (*batch, *own[name])) for name, array in arrays.items()
-        )
-        of_barriers = xp.concatenate([numbers, margins], -1)
-        flat = of_barriers.reshape((*batch, self._width - 6))
-        return xp.concatenate([u, state, flat], -1), times
 
     def filter(self, variables: Array, t: Array) -> tuple[Array, Integers, Mask]:
         """Return u (…, 2), the statuses (…,) and where u has no derivative (…,).
@@ -144,12 +154,9 @@ class FlatFilter:
         """
         flat, times = self._flat(variables, t)
         count, shape = len(flat), np.shape(variables)[:-1]
-        u, status, degenerate = (
-            np.empty((count, 2)),
-            np.empty(count, np.int64),
-            np.empty(count, bool),
-        )
-        bad = _core.layer_filter(*self._fixed, flat, times, u, status, degenerate)
+        u, status = np.empty((count, 2)), np.empty(count, np.int64)
+        degenerate = np.empty(count, bool)
+        bad = _core.layer_filter(*self._constants, flat, times, u, status, degenerate)
         if bad < count:
             raise InvalidInputError(
                 f"state {bad}: got u* {flat[bad, :2]}, x {flat[bad, 2:6]} and t {times[bad]} whose "
@@ -160,11 +167,12 @@ class FlatFilter:
     def pull_back(self, variables: Array, t: Array, w: Array) -> Array:
         """Return (∂u/∂variables)ᵀ w, (…, K), for w (…, 2)."""
         flat, times = self._flat(variables, t)
-        out = np.empty_like(flat)
+        product = np.empty_like(flat)
         weights = np.ascontiguousarray(w, np.float64).reshape(-1, 2)
-        _core.layer_pull_back(*self._fixed, flat, times, weights, out)
-        return out.reshape(np.shape(variables))
+        _core.layer_pull_back(*self._constants, flat, times, weights, product)
+        return product.reshape(np.shape(variables))
 
     def _flat(self, variables: Array, t: Array) -> tuple[Array, Array]:
+        """Return variables (N, K) and times (N,) of all leading axes in one, as the core reads."""
         flat = np.ascontiguousarray(variables, np.float64).reshape(-1, self._width)
         return flat, np.ascontiguousarray(t, np.float64).reshape(-1)

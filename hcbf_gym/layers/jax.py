@@ -1,6 +1,7 @@
 """The safety filter as a function for JAX, the extra ``jax``."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,8 @@ import numpy as np
 from hcbf_gym.barriers.many import Element
 from hcbf_gym.layers.flat import Filtered, FlatFilter
 from hcbf_gym.models.autodiff import import_jax
+
+JaxArray = Any  # `jax.Array`: JAX is imported when a filter is made, not before
 
 
 def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[..., Filtered]:
@@ -28,44 +31,61 @@ def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[...,
         UnknownNameError: on an unknown program; the message lists the choices.
         MissingDependencyError: if JAX is not installed.
     """
-    jax = import_jax("safety_filter")
-    jnp, flat = jax.numpy, FlatFilter(barriers, **settings)
+    jax, flat = import_jax("safety_filter"), FlatFilter(barriers, **settings)
+    solve = _solver(jax, flat)
 
-    def on_host(variables: Any, t: Any) -> tuple[Any, Any, Any]:
-        u, status, degenerate = flat.filter(np.asarray(variables), np.asarray(t))
-        return u.astype(variables.dtype), status.astype(np.int32), degenerate
-
-    def pulled_on_host(variables: Any, t: Any, w: Any) -> Any:
-        pulled = flat.pull_back(np.asarray(variables), np.asarray(t), np.asarray(w))
-        return pulled.astype(variables.dtype)
-
-    @jax.custom_vjp
-    def solve(variables: Any, t: Any) -> Any:
-        batch = variables.shape[:-1]
-        answer = (
-            jax.ShapeDtypeStruct((*batch, 2), variables.dtype),
-            jax.ShapeDtypeStruct(batch, np.int32),
-            jax.ShapeDtypeStruct(batch, np.bool_),
-        )
-        return jax.pure_callback(on_host, answer, variables, t, vmap_method="broadcast_all")
-
-    def backward(kept: Any, cotangents: Any) -> Any:
-        variables, t = kept
-        like = jax.ShapeDtypeStruct(variables.shape, variables.dtype)
-        pulled = jax.pure_callback(
-            pulled_on_host, like, variables, t, cotangents[0], vmap_method="broadcast_all"
-        )
-        return pulled, jnp.zeros_like(t)
-
-    solve.defvjp(lambda variables, t: (solve(variables, t), (variables, t)), backward)
-
-    def call(
+    def filtered(
         u_nominal: Any, x: Any, blocks: Any = None, margin: Any = None, t: Any = 0.0
     ) -> Filtered:
-        numbers = flat.blocks if blocks is None else blocks
-        zero = np.zeros((len(flat.blocks), 3)) if margin is None else margin
-        arrays = [jnp.asarray(one, dtype=float) for one in (u_nominal, x, numbers, zero, t)]
-        variables, times = flat.variables(jnp, *arrays)
+        blocks = flat.blocks if blocks is None else blocks
+        margin = np.zeros((len(flat.blocks), 3)) if margin is None else margin
+        arguments = (u_nominal, x, blocks, margin, t)
+        arrays = [jax.numpy.asarray(argument, dtype=float) for argument in arguments]
+        variables, times = flat.variables(jax.numpy, *arrays)
         return Filtered(*solve(variables, jax.lax.stop_gradient(times)))
 
-    return call
+    return filtered
+
+
+def _solver(jax: Any, flat: FlatFilter) -> Callable[[JaxArray, JaxArray], JaxArray]:
+    """Return JAX's function of variables (…, K) and times (…,), with its derivative.
+
+    JAX cannot trace compiled code, so that both call the host, once for a whole batch.
+    """
+
+    @jax.custom_vjp
+    def solve(variables: JaxArray, t: JaxArray) -> JaxArray:
+        batch = variables.shape[:-1]
+        result = (
+            jax.ShapeDtypeStruct((*batch, 2), variables.dtype),  # u
+            jax.ShapeDtypeStruct(batch, np.int32),  # the statuses
+            jax.ShapeDtypeStruct(batch, np.bool_),  # where u has no derivative
+        )
+        host = partial(_filter_on_host, flat)
+        return jax.pure_callback(host, result, variables, t, vmap_method="broadcast_all")
+
+    def forward(variables: JaxArray, t: JaxArray) -> tuple[JaxArray, tuple[JaxArray, JaxArray]]:
+        return solve(variables, t), (variables, t)
+
+    def backward(residuals: tuple[JaxArray, JaxArray], cotangents: JaxArray) -> JaxArray:
+        variables, t = residuals
+        w = cotangents[0]  # (…, 2) of u: the other results have no derivatives
+        result = jax.ShapeDtypeStruct(variables.shape, variables.dtype)
+        host = partial(_pull_back_on_host, flat)
+        product = jax.pure_callback(host, result, variables, t, w, vmap_method="broadcast_all")
+        return product, jax.numpy.zeros_like(t)
+
+    solve.defvjp(forward, backward)
+    return solve
+
+
+def _filter_on_host(flat: FlatFilter, variables: JaxArray, t: JaxArray) -> tuple[Any, Any, Any]:
+    """Return u (…, 2), statuses (…,) and where u has no derivative (…,), in JAX's precision."""
+    u, status, degenerate = flat.filter(np.asarray(variables), np.asarray(t))
+    return u.astype(variables.dtype), status.astype(np.int32), degenerate
+
+
+def _pull_back_on_host(flat: FlatFilter, variables: JaxArray, t: JaxArray, w: JaxArray) -> Any:
+    """Return (∂u/∂variables)ᵀ w (…, K), in JAX's precision."""
+    product = flat.pull_back(np.asarray(variables), np.asarray(t), np.asarray(w))
+    return product.astype(variables.dtype)

@@ -65,13 +65,13 @@ class SafetyLayer(torch.nn.Module):
         Raises:
             InvalidInputError: on shapes that do not fit, or entries that are not finite.
         """
-        numbers = self.blocks if blocks is None else blocks
-        zero = self.blocks.new_zeros((len(self.blocks), 3)) if margin is None else margin
-        times = torch.as_tensor(t).detach()
-        given = {"u_nominal": u_nominal, "x": x, "blocks": numbers, "margin": zero, "t": times}
+        blocks = self.blocks if blocks is None else blocks
+        margin = self.blocks.new_zeros((len(self.blocks), 3)) if margin is None else margin
+        t = torch.as_tensor(t).detach()
+        arguments = {"u_nominal": u_nominal, "x": x, "blocks": blocks, "margin": margin, "t": t}
         tensors = [
-            instance(name, one, torch.Tensor).to("cpu", torch.float64)
-            for name, one in given.items()
+            instance(name, argument, torch.Tensor).to("cpu", torch.float64)
+            for name, argument in arguments.items()
         ]
         variables, times = self._flat.variables(torch, *tensors)
         u, status, degenerate = _Filter.apply(variables, times, self._flat)
@@ -80,18 +80,21 @@ class SafetyLayer(torch.nn.Module):
 
 
 class _Filter(torch.autograd.Function):
+    """The filter as PyTorch differentiates it, of variables (…, K) and times (…,) on the CPU."""
+
     @staticmethod
     def forward(ctx: Any, variables: torch.Tensor, t: torch.Tensor, flat: FlatFilter) -> Any:
         ctx.save_for_backward(variables, t)
         ctx.flat = flat
-        found = flat.filter(variables.detach().numpy(), t.numpy())
-        u, status, degenerate = map(torch.from_numpy, found)
+        results = flat.filter(variables.detach().numpy(), t.numpy())
+        u, status, degenerate = map(torch.from_numpy, results)
         ctx.mark_non_differentiable(status, degenerate)
         return u, status, degenerate
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, *of_u: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def backward(ctx: Any, *grads: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         variables, t = ctx.saved_tensors
-        pulled = ctx.flat.pull_back(variables.detach().numpy(), t.numpy(), of_u[0].numpy())
-        return torch.from_numpy(pulled), None, None
+        w = grads[0]  # (…, 2) of u, the only result that has derivatives
+        product = ctx.flat.pull_back(variables.detach().numpy(), t.numpy(), w.numpy())
+        return torch.from_numpy(product), None, None  # of the variables alone

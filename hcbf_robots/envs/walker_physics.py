@@ -52,14 +52,14 @@ class WalkerPhysics(Simulation):
             )
         spec, self.parts = walker.spec()
         robot = SimulatedRobot(
-            spec,
-            walker.mjcf,
-            self.parts.trunk,
-            self.parts.home,
-            walker.body.height,
-            len(self.parts.actuators),
-            math.cos(walker.fall.tilt),
-            walker.fall.height,
+            spec=spec,
+            source=walker.mjcf,
+            trunk=self.parts.trunk,
+            home_joints=self.parts.home,
+            height=walker.body.height,
+            inputs=len(self.parts.actuators),
+            least_upright=math.cos(walker.fall.tilt),
+            least_height=walker.fall.height,
             floor_decides=True,
         )
         super().__init__(robot, drawn, obstacles, terrain, disturbances)

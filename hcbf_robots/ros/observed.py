@@ -1,4 +1,4 @@
-"""One source of the node: what it has shown, where that is, and whether it is up to date."""
+"""One source of the node: its barriers, where they are, and whether they are up to date."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,15 +20,15 @@ from hcbf_robots.ros.watches import Now, Watch
 
 
 class Measured(NamedTuple):
-    """What a scan shows, and where odometry had the robot."""
+    """The barriers of a scan, and the robot's pose by odometry when it was measured."""
 
     entries: Entries  # in the robot's axes
-    pose: Array  # (3,) of the robot in odometry's frame, when it was measured [m, rad]
+    pose: Array  # (3,) of the robot in odometry's frame [m, rad]
     stamp: float  # of the measurement [s]
 
 
 class Source:
-    """One source.
+    """One source, such as a scan, a map or a zone.
 
     Args:
         one: its parameters.
@@ -38,9 +38,9 @@ class Source:
         settings: its parameters.
         watch: over its messages.
         frame: that its messages must have.
-        enabled: whether it counts.
-        entries: what it has shown, in the global frame.
-        measured: of a scan, by odometry: a correction of the pose moves it, too.
+        enabled: whether its barriers count.
+        entries: its newest barriers, in the global frame.
+        measured: the newest scan, in the robot's axes: each correction of the pose places it anew.
     """
 
     def __init__(self, one: SourceSettings, settings: Settings):
@@ -96,14 +96,14 @@ class Source:
         return True
 
     def place(self, frame: Array) -> None:
-        """Let a scan be where odometry's frame (3,) is in the global one [m, rad]."""
+        """Place the scan in the global frame, in which odometry's has the pose (3,) [m, rad]."""
         assert self.measured is not None
-        robot, made = placed(frame, self.measured.pose), []
-        for one in self.measured.entries:
-            assert isinstance(one, Scan)
-            x, y, yaw = placed(robot, np.array(one.pose)).tolist()
-            made.append(replace(one, pose=(x, y, yaw), stamp=self.measured.stamp))
-        self.entries = tuple(made)
+        robot, scans = placed(frame, self.measured.pose), []
+        for scan in self.measured.entries:
+            assert isinstance(scan, Scan)
+            x, y, yaw = placed(robot, np.array(scan.pose)).tolist()
+            scans.append(replace(scan, pose=(x, y, yaw), stamp=self.measured.stamp))
+        self.entries = tuple(scans)
 
     def forget_stamps(self) -> None:
         """Require another scan; maps and zones remain: the clock has gone back."""

@@ -1,6 +1,6 @@
-"""What messages of a source become: ranked barriers, made beside the path of the commands.
+"""Makes ranked barriers of a source's messages, in a thread beside that of the commands.
 
-Nothing here knows ROS: the node passes numbers.
+Nothing here imports ROS: the node passes numbers.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from hcbf_robots.online.sample import placed
 from hcbf_robots.ros.settings import SourceSettings
 
 Entries = tuple[Barrier | Several, ...]
-"""What a source adds to the barriers; () where it shows nothing."""
+"""The barriers of a source; () where it shows nothing."""
 
 FAILED = 0.5
 """Share of a scan's beams that fail from which on the sensor counts as broken."""
@@ -62,9 +62,9 @@ def of_scan(
     horizon: float,
     path: Array | None = None,
 ) -> Entries:
-    """Return what a scan shows in the robot's axes at its stamp.
+    """Return the barriers of a scan in the robot's axes at its stamp.
 
-    A beam that failed, or is out of range, saw nothing.
+    A beam that failed or is out of range counts as one that saw nothing, +inf.
 
     Args:
         source: the scan's settings.
@@ -83,28 +83,29 @@ def of_scan(
             f"range_min and range_max: got {beams.least} and {beams.most}, expected "
             "0 ≤ range_min < range_max"
         )
-    far = as_array(source.name, beams.ranges).astype(np.float64)
-    if beams.step == 0.0 and far.size > 1:
+    ranges = as_array(source.name, beams.ranges).astype(np.float64)
+    count = ranges.size
+    if beams.step == 0.0 and count > 1:
         raise InvalidInputError(
-            f"angle_increment: got 0 with {far.size} ranges, expected the angle between two beams"
+            f"angle_increment: got 0 with {count} ranges, expected the angle between two beams"
         )
-    angles = beams.first + beams.step * np.arange(far.size)
-    measures_nothing = np.isnan(far) | (np.isfinite(far) & (far < beams.least) & (far != 0.0))
-    failed = float(measures_nothing.mean()) if far.size else 1.0
-    if (measures_nothing | (far == 0.0)).all():  # a driver's zero is a beam that saw nothing
-        raise InvalidInputError(f"none of {far.size} beams has a return, expected ranges or +inf")
+    angles = beams.first + beams.step * np.arange(count)
+    is_zero = ranges == 0.0  # by which some drivers report a beam that saw nothing
+    is_near = np.isfinite(ranges) & (ranges < beams.least)
+    has_failed = np.isnan(ranges) | (is_near & ~is_zero)
+    failed = float(has_failed.mean()) if count else 1.0
+    if (has_failed | is_zero).all():
+        raise InvalidInputError(f"none of {count} beams has a return, expected ranges or +inf")
     if failed >= FAILED:
         raise InvalidInputError(
-            f"{100.0 * failed:.0f} % of {far.size} beams failed or saw something nearer than "
+            f"{100.0 * failed:.0f} % of {count} beams failed or saw something nearer than "
             f"{beams.least:g} m, expected less than half"
         )
-    with np.errstate(invalid="ignore"):
-        outside = ~(far <= beams.most) | ((far < beams.least) & np.isfinite(far))
-    far = np.where(outside, np.inf, far)
+    ranges = np.where(~(ranges <= beams.most) | is_near, np.inf, ranges)
     errors = source.range_noise, source.scan_period, source.obstacle_speed
-    seen = Scan(
+    scan = Scan(
         source.name,
-        points_of(far, angles, source.name, _moved(path, mount, far.size)),
+        points_of(ranges, angles, source.name, _sensor_path(path, mount, count)),
         mount,
         source.scan_period,
         source.obstacle_speed,
@@ -113,23 +114,23 @@ def of_scan(
         source.range_noise,
         reach=max(REACH, horizon + reserved(*errors, source.margin)),
     )
-    return (seen,)
+    return (scan,)
 
 
-def _moved(path: Array | None, mount: tuple[float, float, float], count: int) -> Array | None:
-    """Return (count, 3) the sensor's pose at each beam, in its axes at the first [m, rad]."""
+def _sensor_path(path: Array | None, mount: tuple[float, float, float], count: int) -> Array | None:
+    """Return (count, 3) the sensor's pose at each beam, in its own axes at the first [m, rad]."""
     if path is None:
         return None
     sensor = np.array([placed(pose, np.array(mount)) for pose in path])
     sensor[:, 2] = np.unwrap(sensor[:, 2])
-    when = np.linspace(0.0, len(path) - 1.0, count)
-    x, y, yaw = (np.interp(when, np.arange(len(path)), axis) for axis in (sensor - sensor[0]).T)
+    at_beam = np.linspace(0.0, len(path) - 1.0, count)
+    x, y, yaw = (np.interp(at_beam, np.arange(len(path)), axis) for axis in (sensor - sensor[0]).T)
     cos, sin = np.cos(sensor[0, 2]), np.sin(sensor[0, 2])
     return np.column_stack([cos * x + sin * y, cos * y - sin * x, yaw])
 
 
 def grid_of(resolution: float, origin: ArrayLike, rows: int, columns: int) -> Grid:
-    """Return where the cells of an occupancy grid are; ROS has its resolution in float32."""
+    """Return the grid of an occupancy grid's cells; ROS has its resolution in float32."""
     x, y, yaw = finite_array("origin", origin, (3,), largest=FARTHEST).tolist()
     return Grid(round(float(resolution), 7), (x, y, yaw), (rows, columns))
 
@@ -137,10 +138,10 @@ def grid_of(resolution: float, origin: ArrayLike, rows: int, columns: int) -> Gr
 def of_grid(
     source: SourceSettings, raster: Raster, fastest: float, before: Entries = ()
 ) -> Entries:
-    """Return what an occupancy grid shows; the same object where nothing has changed.
+    """Return the map of an occupancy grid; the same object where nothing has changed.
 
-    100 % of a speed mask are `fastest` [m/s]. Only cells that differ from those of before are
-    covered anew.
+    100 % of a speed mask are `fastest` [m/s]. Where only cells differ from the entries `before`,
+    these alone are covered anew, which takes less time.
 
     Raises:
         InvalidInputError: if its values make no classes.
@@ -161,9 +162,9 @@ def of_grid(
         return (_updated(old, found),)
     if source.type == "map":
         reading.log(source.name, raster)
-    made = RankedMap(raster.grid, tuple(found))
-    _ = made.conditions  # covered here, and not in the step that takes it
-    return (made,)
+    ranked_map = RankedMap(raster.grid, tuple(found))
+    _ = ranked_map.conditions  # covered here, and not in the step that takes it
+    return (ranked_map,)
 
 
 def _are_alike(old: Sequence[MapClass], found: Sequence[MapClass]) -> bool:
@@ -190,7 +191,8 @@ def _updated(old: RankedMap, found: Sequence[MapClass]) -> RankedMap:
 def of_polygon(source: SourceSettings, corners: ArrayLike) -> Entries:
     """Return a convex polygon of corners (k, 2) [m], edges moved outwards by the margin.
 
-    The corners are in either turn; without one there is no polygon.
+    A corner between edges of the unit normals n₁ and n₂ moves by margin (n₁ + n₂) / (1 + n₁·n₂).
+    Corners may be in either order; without one there is no polygon.
 
     Raises:
         InvalidInputError: if it is not strictly convex or has more than 8 corners.
@@ -207,10 +209,10 @@ def of_polygon(source: SourceSettings, corners: ArrayLike) -> Entries:
     edges = np.roll(given, -1, axis=0) - given
     normals = np.column_stack([edges[:, 1], -edges[:, 0]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    before = np.roll(normals, 1, axis=0)  # of the edge that ends in the corner
-    moved = source.margin * (normals + before)
-    moved /= 1.0 + (normals * before).sum(axis=1, keepdims=True)
-    return (_polygon(source, given + moved),)
+    previous = np.roll(normals, 1, axis=0)  # of the edge that ends in the corner
+    step = source.margin * (normals + previous)
+    step /= 1.0 + (normals * previous).sum(axis=1, keepdims=True)
+    return (_polygon(source, given + step),)
 
 
 def _polygon(source: SourceSettings, corners: Array) -> ConvexPolygon:
