@@ -60,6 +60,8 @@ void bind_margins(nb::module_& m) {
   m.def("margins_reserved", &reserved, "settings"_a, "kind"_a, "parameters"_a, "x"_a, "t"_a, "model"_a,
         "lag"_a, "covariance"_a, "growth"_a, "period"_a, "out"_a, Unlocked(),
         "Write m, ṁ, m̈ and usable (4, N, m) of the rows of N planar double integrators.");
+  m.def("margin_of_deviation", &margins::reserved, "settings"_a, "deviation"_a,
+        "Return what is reserved for a standard deviation.");
   m.def("map_nearby", &nearby, "settings"_a, "rows"_a, "radius"_a, "kind"_a, "parameters"_a, "priority"_a,
         "own_margin"_a, "atlas"_a, "x"_a, "model"_a, "lag"_a, "covariance"_a, "growth"_a,
         "Return kind, parameters, priority, own margin and source of the conditions near a state.");

@@ -113,7 +113,7 @@ def slopes_of(
 ) -> Slopes:
     r"""Return ∇h, and how much h may fall beyond it, of the barriers that Python evaluates.
 
-    With H the Hessian of h, κ the confidence, P = V Λ Vᵀ and S = κ V Λ^½, the deviations that are
+    With H the Hessian of h, κ what is reserved for a standard deviation of 1, P = V Λ Vᵀ and S = κ V Λ^½, the deviations that are
     reserved are S z, ‖z‖ ≤ 1, and h falls in second order by at most ``½ max(0, −λ_min(Sᵀ H S))``.
     The known error e = x − x_body takes ``½ max(0, −eᵀ H e)`` more. ∇h is NaN where Python cannot
     read a barrier.
@@ -121,7 +121,7 @@ def slopes_of(
     Args:
         entries: these barriers.
         states: of the N plants.
-        reserved: the uncertainty, of which the confidence counts.
+        reserved: what the plant declares, and how a deviation becomes a margin.
         m: the number of rows of a scene.
     """
     x, time = states.x, states.time
@@ -131,7 +131,8 @@ def slopes_of(
     error = x - (states.model + states.lag)
     values, vectors = np.linalg.eigh(states.covariance)
     scaled = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    root = reserved.confidence * np.swapaxes(scaled, 1, 2)  # Sᵀ (N, n, n)
+    scale = _core.margin_of_deviation(np.array(reserved), 1.0)
+    root = scale * np.swapaxes(scaled, 1, 2)  # Sᵀ (N, n, n)
     for barrier, k, plants in _by_barrier(entries):
         try:
             gradient[plants, k], hessian = _derivatives(barrier, x[plants], time[plants])
