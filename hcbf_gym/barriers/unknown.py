@@ -113,10 +113,10 @@ def slopes_of(
 ) -> Slopes:
     r"""Return ∇h, and how much h may fall beyond it, of the barriers that Python evaluates.
 
-    With H the Hessian of h, κ what is reserved for a standard deviation of 1, P = V Λ Vᵀ and S = κ V Λ^½, the deviations that are
-    reserved are S z, ‖z‖ ≤ 1, and h falls in second order by at most ``½ max(0, −λ_min(Sᵀ H S))``.
-    The known error e = x − x_body takes ``½ max(0, −eᵀ H e)`` more. ∇h is NaN where Python cannot
-    read a barrier.
+    H is the Hessian of h, P = V Λ Vᵀ the covariance, κ what is reserved for a standard deviation
+    of 1, and S = κ V Λ^½. The deviations that are reserved are S z, ‖z‖ ≤ 1. For them h falls in
+    second order by at most ``½ max(0, −λ_min(Sᵀ H S))``. The known error e = x − x_body takes
+    ``½ max(0, −eᵀ H e)`` more. ∇h is NaN where Python cannot read a barrier.
 
     Args:
         entries: these barriers.
