@@ -139,7 +139,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
         train(replace(config, gamma=0.9), tmp_path, resume=True)
     state = tmp_path / "checkpoint/state.pkl"
     state.write_bytes(state.read_bytes()[:100])
-    with pytest.raises(InvalidInputError, match="cannot be read .* another --output"):
+    with pytest.raises(InvalidInputError, match=r"cannot be read .* another --output"):
         train(config, tmp_path, resume=True)
 
 
