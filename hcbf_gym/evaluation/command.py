@@ -237,7 +237,15 @@ def _check(args: Args) -> None:
             raise InvalidInputError(
                 f"--{name}: got {value!r} with {args.env}, expected --env {' or '.join(takes)}"
             )
-    given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
+    given = [
+        name
+        for name in ("map", "scenario", "v_max", "snapshot")
+        if getattr(args, name) != getattr(Args, name)
+    ]
+    if {"map", "scenario"} <= {*given}:
+        raise InvalidInputError(
+            f"--scenario: got {args.scenario!r} with --map {args.map}, expected one of them"
+        )
     if args.own and given:
         raise InvalidInputError(
             f"evaluate: got {', '.join(given)} with {args.env}, whose plant decides all that"
