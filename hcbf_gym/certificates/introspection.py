@@ -32,7 +32,7 @@ def attributes(thing: Any) -> dict[str, Any]:
 def release(module: str) -> str | None:
     """Return the version of the installed package that a module belongs to; None of the user's."""
     top = module.partition(".")[0]
-    return version.VERSION if top in sources.NAMES else _installed(top)
+    return version.release() if top in sources.NAMES else _installed(top)
 
 
 @functools.cache

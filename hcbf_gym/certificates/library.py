@@ -35,7 +35,7 @@ def of_another_version(certificate: Certificate | None = None) -> str:
             f"hcbf-gym {here} is a development version: the filter works as in a release, but no "
             "certificate was earned for it, so that covered is 0 (VERSION)"
         )
-    if certificate is None or certificate.version == here:
+    if certificate is None or certificate.version == version.release():
         return ""
     return (
         f"the certificate {certificate.name!r} was earned for hcbf-gym {certificate.version}, and "

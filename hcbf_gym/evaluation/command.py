@@ -144,9 +144,8 @@ def main(args: Args) -> None:
     scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
     if not args.own:
         scenarios.make(scene)
-    cases = [
-        _case(args, scene, policy, program) for policy in args.policy for program in args.program
-    ]
+    pairs = dict.fromkeys(itertools.product(args.policy, args.program))  # one named twice is one
+    cases = [_case(args, scene, *pair) for pair in pairs]
     if args.output is not None:
         check_folder(args.output, _settings(args, _files(args)), args.overwrite)
     with warned_once():  # bad names, options and policies fail before work begins
@@ -197,7 +196,7 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     written = _draw(args, output, cases[0], first_episodes)
     shutil.rmtree(finished)
     console, labels = Console(), column_names(rows)
-    _print_tables(console, rows, conditions, labels, len(args.program))
+    _print_tables(console, rows, conditions, labels, len(set(args.program)))
     for case in cases:
         if args.video:
             written.append(_record(case, args, output))
@@ -238,7 +237,15 @@ def _check(args: Args) -> None:
             raise InvalidInputError(
                 f"--{name}: got {value!r} with {args.env}, expected --env {' or '.join(takes)}"
             )
-    given = [name for name in ("map", "v_max", "snapshot") if getattr(args, name) is not None]
+    given = [
+        name
+        for name in ("map", "scenario", "v_max", "snapshot")
+        if getattr(args, name) != getattr(Args, name)
+    ]
+    if {"map", "scenario"} <= {*given}:
+        raise InvalidInputError(
+            f"--scenario: got {args.scenario!r} with --map {args.map}, expected one of them"
+        )
     if args.own and given:
         raise InvalidInputError(
             f"evaluate: got {', '.join(given)} with {args.env}, whose plant decides all that"
@@ -302,7 +309,7 @@ def _draw(
     if args.own:
         barriers = own_environment.barriers_of(args.env, args.seed)
         for (policy, program), episode in shown.items():
-            name = f"episode-{_file_name(policy)}-{program}.{args.figures}"
+            name = f"episode-{_file_name(policy, args.policy)}-{program}.{args.figures}"
             plot_episode(episode, barriers, f"{policy}, {program}").savefig(output / name)
             written.append(name)
         return written
@@ -387,7 +394,7 @@ def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
 
 def _record(case: Case, args: Args, output: Path) -> str:
     """Film the first episode of a case, and return the name of the film."""
-    name = f"{_file_name(case.policy)}-{case.program}"
+    name = f"{_file_name(case.policy, args.policy)}-{case.program}"
     folder = output / "video" / name
     if args.own:
         records.make_folder(folder.parent)
@@ -413,13 +420,22 @@ def _take_snapshot(case: Case, args: Args, time: float, output: Path) -> None:
     env = case.make(render_mode="rgb_array", seed=args.seed)
     walk = samples(env, policies.make(case.policy, env), args.seed)
     deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
-    path = output / f"snapshot-{_file_name(case.policy)}-{case.program}.png"
+    path = output / f"snapshot-{_file_name(case.policy, args.policy)}-{case.program}.png"
     imsave(path, np.asarray(env.render()))
     env.close()
 
 
-def _file_name(policy: str) -> str:
-    """Return a policy's name for the name of a file, without folders and endings."""
+def _file_name(policy: str, beside: Sequence[str]) -> str:
+    """Return a policy's name for the name of a file, without folders and endings.
+
+    Of those `beside` it with the same the second is numbered 2, and so on.
+    """
+    same = [one for one in dict.fromkeys(beside) if _stem(one) == _stem(policy)]
+    number = same.index(policy)
+    return f"{_stem(policy)}-{number + 1}" if number else _stem(policy)
+
+
+def _stem(policy: str) -> str:
     where, _, function = policy.rpartition(":")
     if not where:
         return Path(policy).stem if policies.is_own(policy) else policy

@@ -121,7 +121,7 @@ def versions() -> dict[str, str]:
     """Return name → version of what decides the bits of a result."""
     found = {name: importlib.metadata.version(name) for name in COMPUTING}
     here = {"python": platform.python_version(), "machine": platform.machine()}
-    return {"hcbf-gym": version.VERSION} | found | here
+    return {"hcbf-gym": version.release()} | found | here
 
 
 def sources_of(function: Callable[..., object], reads: Sequence[Path] = ()) -> str:

@@ -52,14 +52,16 @@ def check_folder(
     check_place("output", folder)
     if folder.is_file():
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
+    if overwrite:
+        return
     if path.exists():
         differing = _differences(path, json.loads(json.dumps(settings, allow_nan=False)))
-        if differing and not overwrite:
+        if differing:
             raise InvalidInputError(
                 f"output: {folder} holds another study, which differs in {differing}; "
                 f"expected another --output, or the same study{flag}"
             )
-    elif folder.exists() and any(folder.iterdir()) and not overwrite:
+    elif folder.exists() and any(folder.iterdir()):
         raise InvalidInputError(
             f"output: {folder} holds other files, expected an empty folder, a new one, or one "
             f"that this study began{flag}"

@@ -212,7 +212,8 @@ class Plant:
             raise InvalidInputError(
                 "plant: one of to_action and from_action is missing, expected both or none"
             )
-        for name in ("period", "gain", "max_age", "braking", "fastest"):
+        finite_float("plant: gain", self.gain, minimum=0.0, exclusive=True)
+        for name in ("period", "max_age", "braking", "fastest"):
             given = getattr(self, name)
             if given is not None:
                 finite_float(f"plant: {name}", given, minimum=0.0, exclusive=name != "max_age")

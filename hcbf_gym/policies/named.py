@@ -86,7 +86,12 @@ def make(name: str, env: gym.Env) -> Policy:
         return _NAMED[name](env)
     if loading.is_function(name):
         found: Any = loading.function("policy", name)
-        made: Any = found() if inspect.isclass(found) else found
+        try:
+            made: Any = found() if inspect.isclass(found) else found
+        except TypeError as error:
+            raise InvalidInputError(
+                f"policy: got {name!r} ({error}), expected a class without arguments"
+            ) from error
         return made
     reader = _READERS.get(Path(name).suffix)
     if reader is None:

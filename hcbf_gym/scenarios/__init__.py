@@ -179,7 +179,7 @@ def on_map(
         otherwise: the scene where there is no map.
 
     Raises:
-        InvalidInputError: if there are masks and no map.
+        InvalidInputError: if there are masks and no map, or a mask is named twice.
     """
     for what, given in (("masks", masks), ("slow", slow)):
         records.check_mapping(what, given)
@@ -191,6 +191,10 @@ def on_map(
         return text("otherwise", otherwise)
     here = {name: str(Path(name).resolve()) if Path(name).exists() else name for name in entries}
     found = {here[name]: entry for name, entry in entries.items()}
+    if len(found) < len(masks) + len(slow):
+        raise InvalidInputError(
+            f"masks: got {[*masks, *slow]}, expected each mask once, in --masks or in --slow"
+        )
     return {"map": {"file": text("map", file), "masks": found}}
 
 

@@ -131,12 +131,16 @@ class Family:
         code, radius, aspect = shapes[..., SHAPE], shapes[..., RADIUS], shapes[..., ASPECT]
         is_wall, known = code == HALF_PLANE, (code == np.floor(code)) & (code >= HALF_PLANE)
         length = np.hypot(shapes[..., X], shapes[..., Y])
-        sound = np.where(is_wall, np.abs(length - 1.0) < 1e-9, (radius > 0.0) & (aspect > 0.0))
+        rests = (scenes.velocities == 0.0).all(axis=-1)
+        sound = np.where(
+            is_wall, rests & (np.abs(length - 1.0) < 1e-9), (radius > 0.0) & (aspect > 0.0)
+        )
         bad = ~(known & (code <= 8) & sound)
         if bad.any():
             raise InvalidInputError(
                 f"family {self.name!r}: got the shape {shapes[bad][0].tolist()}, expected a code "
-                f"from {HALF_PLANE} to 8 with a positive radius, or a half plane's unit normal"
+                f"from {HALF_PLANE} to 8 with a positive radius, or a half plane's unit normal and "
+                "no velocity"
             )
         if self.floor is None:
             last = ranks.max(axis=1, initial=0)

@@ -199,7 +199,8 @@ def load(path: str | Path) -> Scenario:
     """
     data = records.read_json("scenario file", path)
     if isinstance(data, Mapping) and isinstance(data.get("map"), Mapping) and "file" in data["map"]:
-        beside = Path(path).parent / str(data["map"]["file"])
+        file = records.expanded("scenario file: map", str(data["map"]["file"]))
+        beside = Path(path).parent / file
         data = {**data, "map": {**data["map"], "file": str(beside)}}
     return from_dict(data)
 

@@ -64,9 +64,15 @@ def resume(
     It is unpickled, so it must be of this package and machine; the number of steps may differ.
 
     Raises:
-        InvalidInputError: if the checkpoint belongs to another run.
+        InvalidInputError: if the checkpoint belongs to another run, or cannot be read.
     """
-    state: dict[str, Any] = pickle.loads((checkpoint / "state.pkl").read_bytes())
+    try:
+        state: dict[str, Any] = pickle.loads((checkpoint / "state.pkl").read_bytes())
+    except Exception as error:  # a pickle that is cut, or of another version, raises anything
+        raise InvalidInputError(
+            f"resume: got {checkpoint} that cannot be read ({error}), expected what this version "
+            "saved; begin anew in another --output"
+        ) from error
     saved = state["config"]
     differing = [
         name

@@ -16,9 +16,9 @@ from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
 from hcbf_gym.arguments import Count, Folder
-from hcbf_gym.errors import require
+from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.output_folder import write_json
-from hcbf_gym.training import TrainingConfig, train
+from hcbf_gym.training import TrainingConfig, checkpoint, train
 
 RESUMED = "the same command with --resume continues from the last checkpoint"
 """Printed after Ctrl-C."""
@@ -45,8 +45,15 @@ def main(args: Args) -> None:
     if args.tensorboard:
         require("--tensorboard", "rl", "tensorboard")
     curves = {}
-    for seed in range(args.config.seed, args.config.seed + args.seeds):
-        config, folder = replace(args.config, seed=seed), args.output / f"seed-{seed}"
+    seeds = range(args.config.seed, args.config.seed + args.seeds)
+    folders = {seed: args.output / f"seed-{seed}" for seed in seeds}
+    for folder in folders.values():
+        if checkpoint.find(folder) is not None and not args.resume:
+            raise InvalidInputError(
+                f"output: {folder} holds a run, expected --resume or another --output"
+            )
+    for seed, folder in folders.items():
+        config = replace(args.config, seed=seed)
         with Progress(*Progress.get_default_columns(), TimeElapsedColumn()) as progress:
             bar = progress.add_task(f"seed {seed}", total=config.total_steps)
 

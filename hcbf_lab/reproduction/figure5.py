@@ -19,13 +19,13 @@ from hcbf_lab.reproduction.film import draw_frames
 from hcbf_lab.tuning import WINDOW, Normal, Problem, Samples, Trajectories, TuningStudy, simulate
 from hcbf_lab.tuning.cost import relaxation
 from hcbf_lab.tuning.cost_map import inside
+from hcbf_lab.tuning.problem import ALPHAS
 
 SCENE = "paper-simulation"
 R_WEIGHT = 0.05  # γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less
 DELTA_GAMMA = 1.3  # the fixed Δγ of panels (b) and (c), which the paper does not state
 GAMMAS = (1.0, 2.0, 3.0, 4.0, 5.0)
 TOO_LARGE = (20.0, 2.5)
-ALPHAS = {"alpha2": 2.0, "alpha_speed": 2.0}  # as of the A1 by default
 A1_V_MAX = FASTEST
 """The A1's cap on the speed [m/s]: less of it leaves no time to catch up with the reference."""
 A1_MARGIN = 0.025
@@ -46,7 +46,7 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """
     fan = _fan(60 if quick else 200)
     rom = _rom()
-    samples = TuningStudy(Problem(scenario=SCENE, options=ALPHAS), Normal()).run(2000)
+    samples = TuningStudy(Problem(scenario=SCENE), Normal()).run(2000)
     plots.fig5_panels(rom, GAMMAS, fan, samples).savefig(folder / "fig5-rom.png")
     result = {
         "claims": _claims("ROM", rom) | _map_claims("ROM", samples),

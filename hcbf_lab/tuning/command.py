@@ -75,7 +75,7 @@ def main(args: Args) -> None:
     check_folder(args.output, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     open_folder(args.output, settings)
-    storage = JournalStorage(JournalFileBackend(str(args.output / "study.log")))
+    storage = JournalStorage(JournalFileBackend(str(_whole(args.output / "study.log"))))
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     studies, seconds = {}, {}
     with Progress(*columns) as progress:
@@ -92,6 +92,14 @@ def main(args: Args) -> None:
     for name, value in seconds.items():
         console.print(f"{name}: {args.samples} samples in {value:.1f} s")
     console.print(f"written to {args.output}")
+
+
+def _whole(log: Path) -> Path:
+    """Cut an unfinished last line, which a killed run leaves and Optuna would append to."""
+    lines = log.read_bytes() if log.exists() else b""
+    if lines and not lines.endswith(b"\n"):
+        log.write_bytes(lines[: lines.rfind(b"\n") + 1])
+    return log
 
 
 def _write(

@@ -13,8 +13,12 @@ from hcbf_gym.errors import InvalidInputError, choose
 from hcbf_gym.evaluation import environments
 from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.rollouts import Case, Episode
+from hcbf_gym.models.plant import CAUTIOUS
 from hcbf_lab.tuning.cost import Cost, relaxation
 from hcbf_lab.tuning.simulate import check_weights, simulate
+
+ALPHAS = {"alpha2": CAUTIOUS, "alpha_speed": CAUTIOUS}
+"""As of the A1 by default, so that what is tuned on the model is for it, too."""
 
 _CHUNK = 500  # trajectories held in memory at a time
 
@@ -32,7 +36,7 @@ class Problem:
     env: str = "HCBF-Regions-v0"
     scenario: Any = "paper-simulation"  # what `hcbf_gym.scenarios.make` takes
     program: str = "h-cbf-qp"  # a program that takes `gamma0` and `delta_gamma`
-    options: Mapping[str, Any] = field(default_factory=dict)  # further options of the filter
+    options: Mapping[str, Any] = field(default_factory=ALPHAS.copy)  # further ones of the filter
     seed: int = 0  # of the episode
     # what an episode costs; one in which the robot falls costs infinity
     cost: Cost = field(default_factory=Cost)

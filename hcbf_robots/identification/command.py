@@ -15,6 +15,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+import hcbf_robots
 from hcbf_gym.arguments import Folder, Positive, Range, Seed
 from hcbf_gym.errors import InvalidInputError, finite_float, require_packages
 from hcbf_robots.identification.analysis import Identified
@@ -24,6 +25,8 @@ from hcbf_robots.walkers.walker_response import Response
 
 SHORTEST, LONGEST = 10.0, 3600.0
 """Of random commands [s]: less shows nothing, and more nothing new."""
+HERE = Path(hcbf_robots.__file__).resolve().parent
+"""Where nothing is written: certificates are of the robots as they ship."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,8 @@ class Args:
     seed: Seed = 0
     """Decides them."""
     output: Folder | None = None
-    """Folder to write to; the contract's own, or the log's, if not given."""
+    """Folder to write to; if not given the contract's own, or the log's, and the current one for a
+    robot of this package."""
 
 
 def main(args: Args) -> None:
@@ -53,6 +57,8 @@ def main(args: Args) -> None:
     response = identified.response
     if args.output is not None:
         file = args.output / file.name
+    elif file.resolve().is_relative_to(HERE):
+        file = Path(file.name)
     response.save(file)
     picture = file.with_suffix(".png")
     plot(identified, name, picture)

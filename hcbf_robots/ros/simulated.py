@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hcbf_gym.arguments import Folder
-from hcbf_gym.errors import require_packages
+from hcbf_gym.errors import InvalidInputError, require_packages
 from hcbf_gym.records import make_folder
 from hcbf_robots.maps import nav2
 from hcbf_robots.ros.command import require_rclpy
@@ -41,7 +41,12 @@ def main(args: Args) -> None:
 
     robot = SimulatedRobot(args.robot, args.map, args.start)
     grids = {"map": args.map} if args.map else {}
-    grids |= {Path(mask).stem: mask for mask in args.masks}
+    for mask in args.masks:
+        if grids.setdefault(Path(mask).stem, mask) != mask:
+            raise InvalidInputError(
+                f"masks: got {mask}, whose topic is that of {grids[Path(mask).stem]}, expected "
+                "files of different names"
+            )
     for file in grids.values():
         nav2.read(file)
     if args.path is not None:

@@ -44,7 +44,7 @@ def made(plant, margins=MARGINS, entered=1, bound=0.2, **changes):
     fields = {
         "name": "one", "plant": plant, "family": {"kind": "own"}, "words": ("One.",),
         "margins": margins, "calibration": (), "bound": bound, "confidence": 0.999, "attempt": 0,
-        "first_seed": first_seed(0, 0), "version": version.VERSION, "commit": "0123abc",
+        "first_seed": first_seed(0, 0), "version": version.release(), "commit": "0123abc",
         "versions": {}, "episodes": episodes, "entered": entered,
         "e_value": sequential.e_value(entered, episodes, bound), "least_h": least, "falls": 0,
         "alarms": 0, "shown": Shown(episodes, 0.05, 50),

@@ -1,6 +1,7 @@
 """Policies and environments of one's own in the evaluation: the same numbers as by hand."""
 
 import json
+import shutil
 from pathlib import Path
 
 import gymnasium as gym
@@ -104,8 +105,15 @@ def test_h_that_a_rollout_records_is_that_of_the_states_it_went_through(own):
         (["--env", BOAT, "--v-max", "1.0"], "whose plant decides all that"),
         (["--env", BOAT, "--policy", "pd"], "expected one of your own"),
         (["--env", ROM, "--body", "footprint"], "expected --env HCBF-A1Regions-v0"),
+        (["--env", BOAT, "--scenario", "random"], "whose plant decides all that"),
+        (["--env", ROM, "--scenario", "random", "--map", "a"], "expected one of them"),
+        (["--policy", f"{ROOT / 'examples/attacker.py'}:Circling"], "class without arguments"),
         (["--env", "HCBF-Nowhere-v0"], "file.py:function"),
         (["--env", ROM, "--masks", "keepout.yaml", "2"], "--map"),
+        (
+            ["--env", ROM, "--map", "a.yaml", "--masks", "b.yaml", "2", "--slow", "b.yaml", "1"],
+            "once",
+        ),
     ],
 )
 def test_bad_input_is_refused_before_the_first_episode(own, tmp_path, arguments, message):
@@ -134,6 +142,8 @@ def test_a_folder_that_holds_another_run_is_not_overwritten_unasked(own, tmp_pat
     (tmp_path / "mine" / "notes.txt").write_text("kept", encoding="utf-8")
     with pytest.raises(SystemExit, match=r"other files.*--overwrite"):
         evaluated(tmp_path / "mine", *first)
+    evaluated(tmp_path / "mine", *first, "--overwrite")
+    (tmp_path / "mine" / "settings.json").write_text("{", encoding="utf-8")
     evaluated(tmp_path / "mine", *first, "--overwrite")
     assert (tmp_path / "mine" / "notes.txt").read_text(encoding="utf-8") == "kept"
 
@@ -259,3 +269,13 @@ def test_without_a_folder_every_run_has_another_and_the_same_run_its_old_one(
         path = tmp_path / "results" / folder / "summary.json"
         assert json.loads(path.read_text(encoding="utf-8"))["seeds"] == [seed, seed]
     assert len(list((tmp_path / "results").iterdir())) == 3
+
+
+def test_a_policy_named_twice_is_one_and_two_of_one_name_get_two_files(own, tmp_path):
+    (tmp_path / "b").mkdir()
+    other = shutil.copy(own, tmp_path / "b")
+    run = ["--env", BOAT, "--program", "none", "none", "--steps", 5]
+    run += ["--policy", f"{own}:act", f"{own}:act", f"{other}:act"]
+    found = evaluated(tmp_path / "out", *run)
+    assert len(found["episodes"]) == len(found["aggregate"]) == 2
+    assert len(list((tmp_path / "out").glob("episode-*.png"))) == 2

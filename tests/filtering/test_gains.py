@@ -24,6 +24,8 @@ def test_a_plant_declares_its_gain_and_half_of_psi_is_left_after_a_hold(declared
     alphas = alphas_of({}, plant)
     assert (alphas["alpha2"].gain, alphas["alpha_speed"].gain) == (gain, gain)
     assert alphas_of({"alpha2": 3.0}, plant)["alpha2"].gain == 3.0
+    with pytest.raises(hcbf_gym.HcbfError, match="gain: got None"):
+        Plant(DoubleIntegrator(), (), lambda *_: np.zeros(4), gain=None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from gymnasium.vector import SyncVectorEnv
 from hcbf_gym import cli, policies, scenarios, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation.rollouts import Case, evaluate
-from hcbf_gym.scenarios import DISC, random_scenes
+from hcbf_gym.scenarios import DISC, HALF_PLANE, random_scenes
 from hcbf_lab.certification.families import SceneFamily
 
 ID, LIMIT = "HCBF-Regions-v0", 60
@@ -155,9 +155,16 @@ def test_a_malformed_family_is_refused():
             fill(generator, scenes.one(i))
             scenes.goal[i] += 1e-12
 
+    def pushed(generator, scene):
+        fill(generator, scene)
+        scene.shapes[0, :4] = HALF_PLANE, 0.0, 1.0, -2.0
+        scene.velocities[0] = 0.0, 0.1
+
     with pytest.raises(InvalidInputError, match="bit for bit"):
         scenarios.register("uneven", fill, shapes=1, draw_many=other)
-    for name, draw, expected in (("half", half, "fill all"), ("gap", gap, "without a gap")):
+    for name, draw, expected in (
+        ("half", half, "fill all"), ("gap", gap, "without a gap"), ("pushed", pushed, "no velocity")
+    ):  # fmt: skip
         scenarios.register(name, draw, shapes=1)
         with pytest.raises(InvalidInputError, match=expected):
             gym.make(ID, scenario=name)

@@ -203,6 +203,13 @@ def test_a_map_alone_means_random_paths_through_it():
     assert len(starts) == 3
 
 
+def test_the_path_of_a_scene_files_map_may_have_a_variable(tmp_path, monkeypatch):
+    monkeypatch.setenv("PLANS", str(FOLDER))
+    scene = scenarios.make("map-flat").to_dict() | {"map": {"file": "$PLANS/flat.yaml"}}
+    (tmp_path / "scene.json").write_text(json.dumps(scene), encoding="utf-8")
+    assert scenarios.load(tmp_path / "scene.json").map is not None
+
+
 def test_a_map_without_room_is_refused():
     full = MapClass("occupied", 1, "keepout", np.ones((20, 20), dtype=np.bool_))
     with pytest.raises(InvalidInputError, match="room for start and goal"):

@@ -66,6 +66,14 @@ def test_the_command_writes_beside_the_contract_or_to_a_folder(tmp_path, capsys)
     assert response.seconds == 10.0
 
 
+def test_a_robot_of_the_package_is_left_as_it_ships(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shipped = Walker.load("cart").response_file
+    before = shipped.read_bytes()
+    command.main(command.Args("cart", seconds=10.0))
+    assert shipped.read_bytes() == before != (tmp_path / shipped.name).read_bytes()
+
+
 def test_a_run_that_is_too_short_is_refused():
     with pytest.raises(InvalidInputError, match="seconds"):
         command.main(command.Args("cart", seconds=1.0))

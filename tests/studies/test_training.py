@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecNorm
 from hcbf_gym import policies, wrappers
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.policies import learned
-from hcbf_gym.training import TrainingConfig, checkpoint, train
+from hcbf_gym.training import TrainingConfig, checkpoint, command, train
 from hcbf_gym.training.callbacks import LearnFromFiltered
 from hcbf_gym.training.config import make_env, make_model, make_vector
 from hcbf_gym.training.export import export
@@ -137,6 +137,21 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
     train(config, tmp_path)
     with pytest.raises(InvalidInputError, match="gamma"):
         train(replace(config, gamma=0.9), tmp_path, resume=True)
+    state = tmp_path / "checkpoint/state.pkl"
+    state.write_bytes(state.read_bytes()[:100])
+    with pytest.raises(InvalidInputError, match=r"cannot be read .* another --output"):
+        train(config, tmp_path, resume=True)
+
+
+def test_a_run_is_not_written_over(tmp_path):
+    config = replace(TINY["ppo"], steps=512)
+    args = command.Args(config, output=tmp_path)
+    command.main(args)
+    written = (tmp_path / "seed-0/policy.npz").read_bytes()
+    with pytest.raises(InvalidInputError, match="--resume or another --output"):
+        command.main(replace(args, config=replace(config, gamma=0.9), seeds=2))
+    assert (tmp_path / "seed-0/policy.npz").read_bytes() == written
+    assert not (tmp_path / "seed-1").exists()
 
 
 def test_being_killed_while_a_checkpoint_is_written_leaves_the_one_before(tmp_path):

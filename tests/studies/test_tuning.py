@@ -13,7 +13,7 @@ from hcbf_gym import programs
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
 from hcbf_gym.evaluation.rollouts import Case
 from hcbf_gym.programs import CbfRows
-from hcbf_lab.tuning import Cost, Normal, Problem, TuningStudy, simulate
+from hcbf_lab.tuning import Cost, Normal, Problem, TuningStudy, command, simulate
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 
@@ -122,6 +122,15 @@ def test_a_killed_study_continues_with_the_samples_that_were_to_come(
     assert len(resumed.cost) == 35
     for got, expected in zip(resumed, unbroken, strict=True):
         np.testing.assert_array_equal(got[:alike], expected[:alike])
+
+
+def test_a_log_that_ends_within_a_line_can_be_continued(tmp_path):
+    log = tmp_path / "study.log"
+    for samples in (2, 3, 4):
+        command.main(command.Args(samples=samples, output=tmp_path))
+        log.write_bytes(log.read_bytes()[:-20])
+    tuned = json.loads((tmp_path / "tuning.json").read_text(encoding="utf-8"))
+    assert len(tuned["samplers"]["normal"]["cost"]) == 4
 
 
 def test_a_fall_costs_infinity_and_is_kept_as_such(problem, tmp_path, monkeypatch):
