@@ -45,6 +45,11 @@ class Origin:
         self._moves = isinstance(model, SAME_EVERYWHERE)
         self.forget()
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Find barriers again in a copy, where they are other objects."""
+        vars(self).update(state)
+        self._near = {id(pair[0]): pair for pair in self._near.values()}
+
     def forget(self) -> None:
         """Let the next position decide."""
         self.is_decided, self.is_far = not self._moves, False

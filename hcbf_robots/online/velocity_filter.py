@@ -291,7 +291,8 @@ class VelocityFilter:
         self._odometry.go_on_from(other._odometry)
         self._times.go_on_from(other._times)
         self._is_framed = other._is_framed
-        self._core.go_on_from(other._core)
+        if self._core.go_on_from(other._core):
+            self._begun = False
 
     def step(
         self,
