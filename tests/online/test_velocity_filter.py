@@ -209,7 +209,7 @@ def test_bad_commands_and_arguments_are_refused():
 def test_a_filter_does_not_take_the_place_of_one_of_another_robot(other):
     robot = Robot(Command(0.5, 1.0, look_ahead=0.1))
     safe = VelocityFilter(robot, FAR)
-    with pytest.raises(InvalidInputError, match="other: got a filter of Robot.*expected one of"):
+    with pytest.raises(InvalidInputError, match=r"other: got a filter of Robot.*expected"):
         safe.go_on_from(VelocityFilter(other, FAR))
     safe.go_on_from(VelocityFilter(replace(robot, reach=0.1), FAR))
     assert safe.step((0.1, 0.0), *AT_REST, 0.0)[1]["status"] == FilterStatus.NOMINAL
