@@ -1,6 +1,5 @@
 """From u* to u for N plants of any model: sample, rows, guidance, program, report."""
 
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -76,6 +75,7 @@ class FilterCore:
         self.scenes = Scenes(config, self.samples, self._rows, self.coverage)
         self._warned: set[object] = {int(Reason.NONE)}  # the reasons that were warned of
         self._m = -1  # there was no scene yet
+        self._looks = False  # whether `begin` is to take up what guidance needs, of all plants
         if not callable(plant.barriers):
             self.scenes.take_static(plant.barriers)
 
@@ -101,14 +101,20 @@ class FilterCore:
         self.samples.forget(mask)
         self.scenes.forget(mask)
 
-    def go_on_from(self, other: "FilterCore") -> None:
-        """Let shapes count from the same times as in another filter of the same plants."""
-        self.scenes.placing = copy(other.scenes.placing)
-        self.scenes.placing.is_due = True
+    def go_on_from(self, other: "FilterCore") -> bool:
+        """Let barriers count, and be compared, on from another filter of the same plants.
+
+        Returns:
+            Whether the origin is another than it was, so that guidance has to begin again.
+        """
+        before, self.samples.origin = self.samples.origin, other.samples.origin
+        self.scenes.go_on_from(other.scenes)
+        self._looks = before.is_decided and bool((before.at != other.samples.origin.at).any())
+        return self._looks
 
     def look_again(self) -> None:
         """Let the next `begin` take up scenes, goals and extents; samples are not forgotten."""
-        self.samples.fresh[:] = True
+        self._looks = True
 
     def leave_monitor(self) -> None:
         """Compare no motion: the caller propagates states, and compares its own measurements."""
@@ -140,22 +146,22 @@ class FilterCore:
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
         """
         self.samples.take(estimate)
-        self.scenes.take(barriers, estimate, since)
+        self.scenes.take(barriers, estimate, since, counts=False)
         refusal = self.scenes.refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
             raise refusal  # the plants brake if no input reaches a barrier, or its code fails
         fresh = self.samples.fresh
+        begun = fresh | self._looks
         if self.config.is_planar:
             scenes = self.scenes.current
-            self.coverage.check_scenes(self.scenes.check(scenes.of(fresh)), fresh)
-            self.guide.begin(scenes, World(goal, extent), fresh, is_first)
-        fresh[:] = False
+            self.coverage.check_scenes(self.scenes.check(scenes.of(begun)), begun)
+            self.guide.begin(scenes, World(goal, extent), begun, is_first)
+        fresh[:] = self._looks = False
         snapshot, counted = self._rows.snapshot(), self.samples.steps.copy()
         n_u = self.input_set.n_u
         zero = np.zeros(n_u if self._alone else (self.count, n_u))
-        u, report = self.step(zero, barriers, estimate, since)
+        u, report = self.step(zero, barriers, estimate, since, counts=False)
         self._rows.restore(snapshot)
-        self.scenes.checks_moves = True
         self.samples.steps[:] = counted
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
@@ -170,6 +176,7 @@ class FilterCore:
         estimate: Estimate,
         since: float | None = None,
         world: World | None = None,
+        counts: bool = True,
     ) -> tuple[Array, Info]:
         """Filter u*, and return u with its report.
 
@@ -179,12 +186,13 @@ class FilterCore:
             estimate: of the plants.
             since: the time from which changed shapes count [s]; None is the present.
             world: goal and extent as they are now; None is as they were.
+            counts: whether undeclared motion of this step counts; not of one that is undone.
         """
         report = self._bound
         if not self._alone:
             report.renew()  # the user has the memory of the last report
         self.samples.take(estimate)
-        self.scenes.take(barriers, estimate, since)
+        self.scenes.take(barriers, estimate, since, counts=counts)
         scene = self.scenes.current
         if self.coverage.is_new or not self._alone:
             self.coverage.write(report.plants)

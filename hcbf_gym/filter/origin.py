@@ -54,6 +54,11 @@ class Origin:
         self.at = np.zeros(2)
         self._translated: _Translated = {}
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Find barriers again in a copy, where they are other objects."""
+        vars(self).update(state)
+        self._near = {id(pair[0]): pair for pair in self._near.values()}
+
     def forget(self) -> None:
         """Return to 0, until the next position decides."""
         self.is_decided, self.is_far = not self._is_movable, False

@@ -38,6 +38,11 @@ class ScanAges:
         """Let scans without a stamp count from the next sample of the masked plants (N,)."""
         self._first_times = {k: time for k, time in self._first_times.items() if not mask[k[0]]}
 
+    def go_on_from(self, other: "ScanAges") -> None:
+        """Let scans count from the same times as in other scenes."""
+        self._scenes, self._scans, self.has_scans = other._scenes, other._scans, other.has_scans
+        self._first_times = other._first_times
+
     def set_scenes(self, scenes: BarrierSet) -> None:
         """Look for scans of things that may move in changed scenes."""
         self._scenes, held = scenes, scenes.atlas.held.items()

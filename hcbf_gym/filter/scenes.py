@@ -1,5 +1,6 @@
 """The barriers of N plants as they are now, and what follows from a change of them."""
 
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -70,6 +71,14 @@ class Scenes:
         self.error: Exception | None = None
         self.moving_region, self.checks_moves = "", True
         self._warned: set[str] = set()
+        self._earlier: tuple[BarrierSet, Nearness] | None = None  # of the filter before this one
+
+    def go_on_from(self, other: "Scenes") -> None:
+        """Let shapes and scans count from the same times, and motion be compared on from there."""
+        self.placing = copy(other.placing)
+        self.placing.is_due = True
+        self.scan_ages.go_on_from(other.scan_ages)
+        self._earlier = other._earlier or (other.current, other._nearness)
 
     def forget(self, mask: Mask) -> None:
         """Forget what was compared for the masked plants (N,)."""
@@ -77,7 +86,9 @@ class Scenes:
         self.placing.go_back(mask)
         self.scan_ages.forget(mask)
 
-    def take(self, barriers: object, estimate: Estimate, since: float | None) -> None:
+    def take(
+        self, barriers: object, estimate: Estimate, since: float | None, *, counts: bool
+    ) -> None:
         """Take the barriers as they are now.
 
         The plants brake if these are no barriers or cannot be satisfied, or if they move while
@@ -87,6 +98,7 @@ class Scenes:
             barriers: as the plants' reader returns them.
             estimate: of the plants, which the samples hold already.
             since: the time from which changed shapes count [s]; None is the present.
+            counts: whether the undeclared motion of this step counts.
         """
         samples = self._samples
         try:
@@ -106,7 +118,7 @@ class Scenes:
             samples.reject(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
             samples.reject(Reason.CLOCK)
-        if self.checks_moves or self._nearness.is_some:
+        if counts and (self.checks_moves or self._nearness.is_some):
             self._write_moves()
 
     def take_static(self, barriers: object) -> None:
@@ -160,7 +172,7 @@ class Scenes:
         previous, is_in_place = self.current, given is self._given
         changed = given.version != self._version if is_in_place else self._differs(given)
         scenes = self.placing.place(given, self._finite_times(), since)
-        if scenes is previous and given.edits == self._edits:
+        if scenes is previous and given.edits == self._edits and self._earlier is None:
             return
         if since is not None and scenes.parameters.shape == previous.parameters.shape:
             changed |= (scenes.parameters != previous.parameters).any(axis=(1, 2))
@@ -168,6 +180,7 @@ class Scenes:
         # an edit in place, or another origin, leaves no previous scenes that could be evaluated
         has_previous = scenes is not previous and not (is_in_place and given.atlas)
         has_previous &= not self.is_refused and previous.edits == self._edits
+        has_previous &= self._earlier is None
         self._compare(previous, scenes, changed, has_previous and not self._samples.is_rebased)
         self._given, self._version, self._edits = given, given.version.copy(), given.edits
         self.current = scenes
@@ -183,9 +196,13 @@ class Scenes:
         is_compared = has_previous and self._rows.evaluate_previous(previous)
         change = samples.plants["change"]
         change[changed] = np.maximum(change[changed], COMPARED if is_compared else CHANGED)
+        valid = samples.sound & np.isfinite(samples.x).all(axis=1) & (not samples.is_rebased)
+        if self._earlier is not None:
+            (previous, self._nearness), self._earlier = self._earlier, None
+            changed = np.ones_like(changed)
+        else:
+            valid &= ~samples.fresh
         if changed.any():
-            valid = samples.sound & np.isfinite(samples.x).all(axis=1) & ~samples.fresh
-            valid &= not samples.is_rebased
             self._nearness.compare(previous, scenes, samples.x, samples.time, changed, valid)
 
     def _accept(self, scenes: BarrierSet) -> None:

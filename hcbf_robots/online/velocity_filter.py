@@ -280,13 +280,19 @@ class VelocityFilter:
 
         So a filter can be made beside a loop, and look at goal and barriers in a first step there.
         The other must not be used any more.
+
+        Raises:
+            InvalidInputError: if the other's robot takes other commands or follows otherwise.
         """
-        instance("other", other, VelocityFilter)
+        mine, its = self.robot, instance("other", other, VelocityFilter).robot
+        if (its.command, its.response) != (mine.command, mine.response):
+            raise InvalidInputError(f"other: got a filter of {its}, expected one of {mine}")
         self._follower.go_on_from(other._follower)
         self._odometry.go_on_from(other._odometry)
         self._times.go_on_from(other._times)
         self._is_framed = other._is_framed
-        self._core.go_on_from(other._core)
+        if self._core.go_on_from(other._core):
+            self._begun = False
 
     def step(
         self,

@@ -6,6 +6,7 @@ import pytest
 
 import hcbf_gym
 from hcbf_gym.barriers import BrakeClassK, HalfPlane, SpeedLimit
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.settings import alphas_of
 from hcbf_gym.models import DoubleIntegrator, Plant, Uncertainty
 from hcbf_gym.models.input_sets import Box
@@ -26,6 +27,12 @@ def test_a_plant_declares_its_gain_and_half_of_psi_is_left_after_a_hold(declared
     assert alphas_of({"alpha2": 3.0}, plant)["alpha2"].gain == 3.0
     with pytest.raises(hcbf_gym.HcbfError, match="gain: got None"):
         Plant(DoubleIntegrator(), (), lambda *_: np.zeros(4), gain=None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("gain", [None, 0.0, -1.0, np.nan, np.inf, "2", True, [2.0]])
+def test_a_gain_that_is_no_positive_number_is_refused_where_it_is_declared(gain):
+    with pytest.raises(InvalidInputError, match="plant: gain: got"):
+        Plant(DoubleIntegrator(), (), lambda *_: np.zeros(4), gain=gain)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from hcbf_gym.errors import InvalidInputError, SafetyWarning, UnknownNameError
 from hcbf_gym.models import Reason
 from hcbf_gym.models.clocks import AHEAD
 from hcbf_gym.programs import FilterStatus
-from hcbf_robots import VelocityFilter, Walker
+from hcbf_robots import Command, Response, Robot, VelocityFilter, Walker
 from hcbf_robots.envs.walker_physics import WalkerPhysics
 from hcbf_robots.ros.settings import Settings
 from hcbf_robots.ros.watches import Now, Watch
@@ -196,6 +196,23 @@ def test_bad_commands_and_arguments_are_refused():
         VelocityFilter("tractor", wall)
     with pytest.raises(InvalidInputError, match="gamma"):
         VelocityFilter("cart", wall, gamma=1.0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        Robot(Command(0.5, 1.0, sideways=0.3)),
+        Robot(Command(0.5, 1.0, look_ahead=0.2)),
+        Robot(Command(0.5, 1.0, look_ahead=0.1), Response(time_constant=0.1)),
+    ],
+)
+def test_a_filter_does_not_take_the_place_of_one_of_another_robot(other):
+    robot = Robot(Command(0.5, 1.0, look_ahead=0.1))
+    safe = VelocityFilter(robot, FAR)
+    with pytest.raises(InvalidInputError, match=r"other: got a filter of Robot.*expected"):
+        safe.go_on_from(VelocityFilter(other, FAR))
+    safe.go_on_from(VelocityFilter(replace(robot, reach=0.1), FAR))
+    assert safe.step((0.1, 0.0), *AT_REST, 0.0)[1]["status"] == FilterStatus.NOMINAL
 
 
 @STANDS
