@@ -215,7 +215,7 @@ class Plant:
         finite_float("plant: gain", self.gain, minimum=0.0, exclusive=True)
         for name in ("period", "max_age", "braking", "fastest"):
             given = getattr(self, name)
-            if given is not None or name == "gain":  # the others may be unknown
+            if given is not None:
                 finite_float(f"plant: {name}", given, minimum=0.0, exclusive=name != "max_age")
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
