@@ -57,7 +57,7 @@ class Origin:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Find barriers again in a copy, where they are other objects."""
         vars(self).update(state)
-        self._near = {id(pair[0]): pair for pair in self._near.values()}
+        self._translated = {id(pair[0]): pair for pair in self._translated.values()}
 
     def forget(self) -> None:
         """Return to 0, until the next position decides."""
