@@ -107,7 +107,7 @@ def test_h_that_a_rollout_records_is_that_of_the_states_it_went_through(own):
         (["--env", ROM, "--body", "footprint"], "expected --env HCBF-A1Regions-v0"),
         (["--env", BOAT, "--scenario", "random"], "whose plant decides all that"),
         (["--env", ROM, "--scenario", "random", "--map", "a"], "expected one of them"),
-        (["--policy", f"{ROOT / 'examples/attacker.py'}:Circling"], "class without arguments"),
+        (["--policy", "hcbf_gym.barriers:Disc"], "class without arguments"),
         (["--env", "HCBF-Nowhere-v0"], "file.py:function"),
         (["--env", ROM, "--masks", "keepout.yaml", "2"], "--map"),
         (

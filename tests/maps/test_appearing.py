@@ -101,7 +101,7 @@ def test_barriers_set_twice_between_two_steps_are_compared_with_those_of_a_step(
     kept = []
     for at in (5.77, 5.765):  # far enough to be met by 5 mm, and then too near by as much
         scene = [*wall(at, False), *safe._input.scene()[1:]]
-        core.scenes.take(scene, Estimate(np.zeros(4), time=0.0), None)
+        core.scenes.take(scene, Estimate(np.zeros(4), time=0.0), None, counts=True)
         kept.append(float(core.samples.plants["kept"][0]))
     assert kept[0] == pytest.approx(0.5 - 0.2 - core.config.uncertainty.distance, abs=0.01)
     assert kept[1] == kept[0]
