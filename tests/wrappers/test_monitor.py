@@ -276,3 +276,13 @@ def test_noise_at_rest_is_no_alarm(noise):
     rng = np.random.default_rng(0)
     u = rng.uniform(-0.1, 0.1, (300, 2))
     assert applied(u, u + rng.normal(0.0, noise, u.shape)) == Reason.NONE
+
+
+@pytest.mark.parametrize("name", ["coupled inputs", "three inputs"])
+@pytest.mark.parametrize(("gain", "found"), [(0.57, Reason.NONE), (0.53, Reason.INPUT)])
+def test_an_input_is_missed_from_the_same_share_on_however_inputs_are_coupled(name, gain, found):
+    def weaker(model, x, u, dt):
+        return model.step(x, gain * u, dt)
+
+    steady = lambda k: np.full(PLANTS[name][1].n_u, 0.4) * (-1.0) ** (k // 25)  # noqa: E731
+    assert alarm(name, weaker, drive=steady, count=200)[0] == found
