@@ -16,7 +16,7 @@ from hcbf_gym.evaluation.attacked import Outcome
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.programs import FilterStatus
 from hcbf_lab.certification.command import caps_of
-from hcbf_lab.certification.families import HOSTILE, SceneFamily
+from hcbf_lab.certification.families import HOSTILE, OwnFamily, SceneFamily
 from hcbf_robots.walkers.walker import Walker
 
 GAINS = ((2.0, 2.0), (10.0, 2.0), (2.0, 10.0), (10.0, 10.0))
@@ -28,8 +28,10 @@ SCENES = {
 }
 
 
-def family_of(plant: str) -> SceneFamily:
-    """Return hostile episodes of a plant, one of `SCENES` or a name in `ROBOTS`."""
+def family_of(plant: str) -> SceneFamily | OwnFamily:
+    """Return hostile episodes: of `SCENES`, a name in `ROBOTS`, or a ``file.py:function``."""
+    if ":" in plant:
+        return OwnFamily(plant)
     if plant in SCENES:
         env_id, names = SCENES[plant]
         return SceneFamily(env_id, scenes=tuple((n, 1.0) for n in names), policies=HOSTILE)

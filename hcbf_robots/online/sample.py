@@ -24,7 +24,7 @@ class Sample(NamedTuple):
 
 
 def moved(place: Array, motion: Array, seconds: float) -> Array:
-    """Return (3,) where a twist brings a pose within so many seconds."""
+    """Return (3,) where a twist brings a pose within seconds, by its direction half-way."""
     turned = motion[2] * seconds
     cos, sin = math.cos(place[2] + 0.5 * turned), math.sin(place[2] + 0.5 * turned)
     ahead, aside = seconds * motion[0], seconds * motion[1]

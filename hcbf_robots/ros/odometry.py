@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_robots.online.sample import placed
+from hcbf_robots.online.sample import moved
 from hcbf_robots.ros.watches import Fault
 
 EXTRAPOLATED, LOOKED_BACK = 0.3, 0.1
@@ -54,12 +54,9 @@ class FrozenPose:
 def advanced(start: Odometry, stamp: float, twist: Array) -> Array:
     """Return (3,) the pose at a later stamp [s], at which the robot has a twist (3,).
 
-    It moves by the mean of both twists, in the direction that it has half-way.
+    It moves by the mean of both twists.
     """
-    seconds, mean = stamp - start.stamp, 0.5 * (start.twist + twist)
-    half_way = np.array([*start.pose[:2], start.pose[2] + 0.5 * seconds * mean[2]])
-    moved = placed(half_way, np.array([*(seconds * mean[:2]), 0.0]))
-    return np.array([*moved[:2], start.pose[2] + seconds * mean[2]])
+    return moved(start.pose, 0.5 * (start.twist + twist), stamp - start.stamp)
 
 
 def pose_at(track: deque[Odometry], stamp: float) -> Array | None:
