@@ -27,7 +27,7 @@ from benchmarks.registry import SUITES
 from hcbf_gym import certificates
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.certificates.judge import words
-from hcbf_gym.errors import InvalidInputError, choose
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, install
 from hcbf_gym.evaluation.output_folder import write_json, write_text
 from hcbf_gym.evaluation.tables import Table
 from hcbf_gym.sources import NAMES, PACKAGES
@@ -176,8 +176,14 @@ def _published(root: Path, name: str) -> dict[str, str]:
         f"`--suite {name}`, commit {record['commit']}{changed}, "
         f"{record['date']}; {record['machine']}."
     )
+    suite = SUITES[name]
     try:
-        tables = SUITES[name].tables(record["figures"])
+        tables = suite.tables(record["figures"])
+    except ModuleNotFoundError as error:  # pages show the tables of every suite
+        raise MissingDependencyError(
+            f"table of {name}: got no {error.name}, expected the extra {suite.extra}: "
+            f"{install(suite.extra)}"
+        ) from error
     except (AttributeError, KeyError, IndexError, TypeError) as error:
         # The suite has changed since.
         raise InvalidInputError(

@@ -41,6 +41,17 @@ def test_a_page_is_filled_from_its_results_and_differs_when_they_change(checkout
         main(["--check", "--root", str(checkout)])
 
 
+def test_tables_whose_module_needs_a_missing_extra_name_its_install_command(checkout, monkeypatch):
+    publishing.publish(checkout, "reproduction", {})
+
+    def lacks(self, figures):
+        raise ModuleNotFoundError("No module named 'optuna'", name="optuna")
+
+    monkeypatch.setattr(type(SUITES["reproduction"]), "tables", lacks)
+    with pytest.raises(SystemExit, match=r"no optuna, expected the extra studies: pip install"):
+        main(["--suite", "ground-truth", "--publish", "--root", str(checkout)])
+
+
 def test_results_say_what_they_came_from_and_are_listed_when_their_sources_change(checkout):
     publishing.publish(checkout, "course", {"rows": [ROW]})
     path = checkout / "docs" / "results" / "course.json"
