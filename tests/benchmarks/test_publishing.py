@@ -9,7 +9,7 @@ from benchmarks import publishing
 from benchmarks.__main__ import main
 from benchmarks.registry import SUITES
 from hcbf_gym import certificates
-from hcbf_gym.errors import InvalidInputError, UnknownNameError
+from hcbf_gym.errors import InvalidInputError, MissingDependencyError, UnknownNameError
 
 PAGE = "before\n<!-- results: course/all -->\nold\n<!-- end of results -->\nafter\n"
 ROOT = Path(publishing.__file__).parents[1]
@@ -48,8 +48,10 @@ def test_tables_whose_module_needs_a_missing_extra_name_its_install_command(chec
         raise ModuleNotFoundError("No module named 'optuna'", name="optuna")
 
     monkeypatch.setattr(type(SUITES["reproduction"]), "tables", lacks)
-    with pytest.raises(SystemExit, match=r"no optuna, expected the extra studies: pip install"):
-        main(["--suite", "ground-truth", "--publish", "--root", str(checkout)])
+    with pytest.raises(
+        MissingDependencyError, match=r"no optuna, expected the extra studies: pip install"
+    ):
+        publishing.check_results(checkout, but=["ground-truth"])
 
 
 def test_results_say_what_they_came_from_and_are_listed_when_their_sources_change(checkout):
