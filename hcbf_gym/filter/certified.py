@@ -115,8 +115,8 @@ def _tested_ranges(plant: Plant, certificate: Certificate | None) -> dict[str, o
     ranges = dict(certificates.tested()[kind])
     if certificate is not None:
         ranges["options"] = {}
-        if certificate.family.get("program") is not None:
-            ranges["program"] = certificate.family["program"]
+        of_filter = ("program", "strict")
+        ranges |= {k: certificate.family[k] for k in of_filter if k in certificate.family}
         if certificate.family["kind"] == "own":
             ranges["guidance"] = None
     return ranges

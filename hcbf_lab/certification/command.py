@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -82,6 +82,8 @@ class Args:
     """The most that an episode takes; 1,000, or 500 of a plant of your own, if not given."""
     program: str = "lex-cbf-qp"
     """What the filter runs."""
+    strict: Literal["rows", "gatekeeper"] = "rows"
+    """What satisfies its strict conditions: rows, or verified manoeuvres."""
     seed: Seed = 0
     """Decides the episodes; those of the calibration are others than those of the certificate."""
     name: str | None = None
@@ -149,6 +151,8 @@ def family_of(args: Args) -> Family:
     """
     assert args.plant is not None
     requested: dict[str, Any] = {"program": args.program}
+    if args.strict != "rows":
+        requested["strict"] = args.strict
     if args.policies:
         requested["policies"] = tuple((policy, 1.0) for policy in args.policies)
     if args.steps is not None:
@@ -164,9 +168,10 @@ def family_of(args: Args) -> Family:
     if args.plant in PLANTS:
         if args.v_max is not None:
             raise InvalidInputError(f"certify: got v_max with {args.plant}, expected a walker")
-        if args.plant == "a1-mixture" and (args.scenes or args.policies):
+        own = args.scenes or args.policies or "strict" in requested
+        if args.plant == "a1-mixture" and own:
             raise InvalidInputError(
-                "certify: got scenes or policies with a1-mixture, which has its own"
+                "certify: got scenes, policies or strict with a1-mixture, which has its own"
             )
         return _able(args, replace(PLANTS[args.plant], **requested))
     if args.plant not in NAMES and not args.plant.endswith(".json"):

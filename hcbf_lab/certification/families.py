@@ -31,6 +31,12 @@ GUIDED = " guided"  # what ends the name of a policy that has guidance in the fi
 SEARCHED = "searched"
 """The attack with parameters, which a search sets; it belongs to no certificate."""
 
+_MEANS = {
+    "rows": "on its default rows",
+    "gatekeeper": "with verified manoeuvres for strict conditions",
+}
+"""What satisfies a filter's strict conditions, in words."""
+
 Shares = tuple[tuple[str, float], ...]
 
 
@@ -75,6 +81,7 @@ class SceneFamily:
     caps: tuple[float, float] | None = None
     steps: int = 1000  # the most that an episode takes
     program: str = "lex-cbf-qp"  # of the filter
+    strict: str = "rows"  # what satisfies the filter's strict conditions
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scenes", _shares("scenes", self.scenes))
@@ -102,7 +109,8 @@ class SceneFamily:
         guidance = {"guidance": "geodesic"} if policy.endswith(GUIDED) else {}
         return AttackedEpisode(
             policy.removesuffix(GUIDED), scene, seed, self.env, options,
-            {"program": self.program} | guidance, inside=EachMillisecond if self._exact else None,
+            {"program": self.program, "strict": self.strict} | guidance,
+            inside=EachMillisecond if self._exact else None,
         )  # fmt: skip
 
     @property
@@ -131,7 +139,7 @@ class SceneFamily:
             f"The environment is {self.env}{f' with {options}' if options else ''}, with {cap}.",
             f"Scenes: {_listed(self.scenes)}; each seed draws another one.",
             f"Policies: {_listed(self.policies)}.",
-            f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
+            f"The filter runs {self.program} {_MEANS[self.strict]}, at most {self.steps} steps.",
             f"Entered is what the truth shows at every {looks}, of every condition of rank 1, the "
             "speed limit included.",
         )
@@ -172,6 +180,7 @@ class OwnFamily:
     policies: Shares = tuple((name, 1.0) for name in ON_ANY_MODEL)
     steps: int = 500  # the most that an episode takes
     program: str = "lex-cbf-qp"  # of the filter
+    strict: str = "rows"  # what satisfies the filter's strict conditions
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "policies", _shares("policies", self.policies))
@@ -182,7 +191,8 @@ class OwnFamily:
     def episode(self, seed: int) -> own.OwnEpisode:
         """Return the episode that a seed decides."""
         policy = _drawn(np.random.default_rng([STREAM, seed]), self.policies)
-        return own.OwnEpisode(self.source, policy, seed, self.steps, {"program": self.program})
+        options = {"program": self.program, "strict": self.strict}
+        return own.OwnEpisode(self.source, policy, seed, self.steps, options)
 
     def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
         """Return what a plant must declare to be the one of these episodes."""
@@ -195,7 +205,7 @@ class OwnFamily:
             f"Environment and plant are what {self.source} returns.",
             "Scenes and starts are what the environment draws with each seed.",
             f"Policies: {_listed(self.policies)}.",
-            f"The filter runs {self.program} on its default rows, at most {self.steps} steps.",
+            f"The filter runs {self.program} {_MEANS[self.strict]}, at most {self.steps} steps.",
             "Entered is what the plant's strict barriers say of its state at every step, or the "
             "infos' min_h where the environment reports less.",
         )

@@ -163,6 +163,11 @@ def cart(**options):
     )
 
 
+def by_gatekeeper():
+    certificate = SHIPPED["regions"]
+    return replace(certificate, family={**certificate.family, "strict": "gatekeeper"})
+
+
 def moved(env):
     return replace(env.unwrapped.plant, period=0.01)
 
@@ -196,6 +201,19 @@ WAYS = {
     ),
     "a certificate's program": (
         lambda: SafetyFilter(cart(), "cbf-qp", certificate="cart"), 0, CoveredBy.FILTER,
+    ),
+    "a certificate of rows": (
+        lambda: SafetyFilter(regions(), certificate="regions", strict="gatekeeper"),
+        0,
+        CoveredBy.FILTER,
+    ),
+    "a certificate of the gatekeeper": (
+        lambda: SafetyFilter(regions(), certificate=by_gatekeeper(), strict="gatekeeper"),
+        1,
+        CoveredBy.NONE,
+    ),
+    "a certificate of the gatekeeper, with rows": (
+        lambda: SafetyFilter(regions(), certificate=by_gatekeeper()), 0, CoveredBy.FILTER,
     ),
     "a certificate's scene": (
         lambda: SafetyFilter(cart(scenario="paper-simulation"), certificate="cart"),
