@@ -316,6 +316,8 @@ def test_a_person_drags_steers_pushes_saves_and_loads(browser, tmp_path, album):
 def test_a_refused_command_is_reported_in_the_page(browser, tmp_path, album):
     with playground("--port", "0", *REDUCED) as url:
         visit = Visit(browser, url)
+        visit.field("pause").first.click()  # a course that begins again shows its own message
+        visit.until_reads("state", "paused")
         visit.tab("Scene")
         visit.choose("region", "h3 region 1")
         size = visit.field("size [m]").first
