@@ -88,8 +88,7 @@ def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tup
     """
     most = command.forward
     if v_max is None:
-        by_motors = scene is None or scene > most
-        return (most, True) if by_motors else (scene, False)
+        return (most, True) if scene is None or scene > most else (scene, False)
     cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
     if cap > most:
         raise InvalidInputError(
