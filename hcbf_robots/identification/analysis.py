@@ -88,10 +88,11 @@ def analyse(
     )
     translating = fits if command.look_ahead is not None else fits[:2]
     slowest = max(translating, key=lambda one: one.time_constant + one.delay)
-    residual = _residual(command, fits, record)
+    residual = command.in_plane(record.done) - _predicted(command, fits, record)
     quantiles = np.percentile(np.hypot(*residual.T), RESIDUAL_QUANTILES)
     half, often, nearly_always = (round(float(value), 4) for value in quantiles)
-    deviations = _deviations(residual, slowest.time_constant + slowest.delay)
+    follows = slowest.time_constant + slowest.delay
+    deviations = np.hypot(*_window_integrals(residual, follows).T)
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
@@ -110,12 +111,7 @@ def analyse(
 
 
 def stop_of(run: Array, after: Array) -> Stop:
-    """Return the numbers of a stop.
-
-    Args:
-        run: (n, 2) velocities in the plane from rest until the command becomes zero [m/s].
-        after: (m, 2) velocities from then on [m/s].
-    """
+    """Return a stop's numbers, from velocities (n, 2) until and (m, 2) after its command [m/s]."""
     mean = run.mean(axis=0)
     length = float(np.hypot(*mean))
     direction = mean / length if length > 0.0 else mean
@@ -144,30 +140,20 @@ def _predicted(command: Command, fits: tuple[Fit, ...], record: Record) -> Array
     return command.in_plane(np.column_stack(entries))
 
 
-def _residual(command: Command, fits: tuple[Fit, ...], record: Record) -> Array:
-    """Return (n, 2) the measured velocity minus the predicted one [m/s]."""
-    return command.in_plane(record.done) - _predicted(command, fits, record)
-
-
-def _deviations(residual: Array, seconds: float) -> Array:
-    """Return (m,) how far residuals (n, 2) move the position in each window of this length [m]."""
+def _window_integrals(rates: Array, seconds: float) -> Array:
+    """Return the integrals of rates (n, …) over every window of this length."""
     window = max(1, round(seconds / CONTROL_DT))
-    path = np.concatenate([np.zeros((1, 2)), residual.cumsum(axis=0)]) * CONTROL_DT
-    return np.hypot(*(path[window:] - path[:-window]).T)
-
-
-def _path_lengths(velocity: Array, seconds: float) -> Array:
-    """Return (m,) the length of the path in each window of this length [m]."""
-    window = max(1, round(seconds / CONTROL_DT))
-    path = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
-    return path[window:] - path[:-window]
+    integral = np.concatenate([np.zeros_like(rates[:1]), rates.cumsum(axis=0)]) * CONTROL_DT
+    return integral[window:] - integral[:-window]
 
 
 def _lasting(command: Command, fits: tuple[Fit, ...], record: Record) -> float:
     """Return the part of the residual that does not average out, see `Response.lasting` [m/s]."""
-    path = _path_lengths(_predicted(command, fits, record), AVERAGING_TIME)
-    deviations = _deviations(_residual(command, fits, record), AVERAGING_TIME)
-    excess = float(np.percentile(deviations - MEASURED_SHARE * path, ALMOST_ALWAYS))
+    predicted = _predicted(command, fits, record)
+    residual = command.in_plane(record.done) - predicted
+    deviations = np.hypot(*_window_integrals(residual, AVERAGING_TIME).T)
+    paths = _window_integrals(np.hypot(*predicted.T), AVERAGING_TIME)
+    excess = float(np.percentile(deviations - MEASURED_SHARE * paths, ALMOST_ALWAYS))
     return max(0.0, excess) / AVERAGING_TIME
 
 
@@ -182,13 +168,7 @@ def _overshoot(command: Command, fits: tuple[Fit, ...], record: Record) -> float
 
 
 def fit(command: Array, measured: Array, period: float) -> Fit:
-    """Return the first-order response with the least squares.
-
-    Args:
-        command: (n,) commands, each held for a period.
-        measured: (n,) motion at the beginning of each period.
-        period: between two samples [s].
-    """
+    """Return the response with the least squares, for commands (n,) held for a period [s] each."""
     best, least_error = None, np.inf
     for steps in range(round(LONGEST_DELAY / period) + 1):
         late_command = delayed(command, steps * period, period)

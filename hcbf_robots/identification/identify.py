@@ -28,12 +28,7 @@ are at rest while they are commanded to go slowly."""
 
 
 class Runner:
-    """Drives a walker on an empty, flat floor by commands in its own axes.
-
-    Args:
-        walker: the robot.
-        seed: of the random commands.
-    """
+    """Drives a walker on an empty, flat floor by commands in its own axes; a seed draws them."""
 
     def __init__(self, walker: Walker, seed: int):
         self.walker = walker
@@ -78,8 +73,7 @@ class Runner:
         while passed < seconds:
             steps = round(self._rng.uniform(SHORTEST_HOLD, LONGEST_HOLD) / CONTROL_DT)
             target = self._random_command()
-            if self._rng.random() < REST_PROBABILITY:
-                target = 0.0 * target
+            target = target * float(self._rng.random() >= REST_PROBABILITY)
             for _ in range(steps):
                 command = command + np.clip(target - command, -largest_step, largest_step)
                 records.append(self.hold(command, CONTROL_DT))
@@ -127,13 +121,7 @@ def joined(records: list[Record]) -> Record:
 
 
 def identify(walker: Walker, seconds: float, seed: int) -> Identified:
-    """Return the response of a walker, driven in its simulation.
-
-    Args:
-        walker: the robot.
-        seconds: length of the drive under random commands [s].
-        seed: of these commands.
-    """
+    """Return a walker's response in its simulation, with random commands for `seconds` [s]."""
     runner = Runner(walker, seed)
     directions = _full_speed_commands(walker)
     runs = [runner.stop(command) for command in directions]

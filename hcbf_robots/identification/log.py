@@ -131,9 +131,8 @@ def _stops(record: Record, command: Command) -> list[Stop]:
             continue
         still = end + int(is_still[end : end + ramp].argmax())
         if is_still[still : still + stop].all():
-            until = still + stop
-            while until < min(len(commanded), still + 2 * stop) and is_still[until]:
-                until += 1
+            later = is_still[still + stop : still + 2 * stop]
+            until = still + stop + (len(later) if later.all() else int(later.argmin()))
             stops.append(stop_of(motion[end - run : end], motion[end:until]))
     if not stops:
         raise InvalidInputError(

@@ -1,7 +1,4 @@
-"""Refuses logs from which a response would be wrong: other units, axes or clocks, too few commands.
-
-Every check raises an `InvalidInputError` that names the likely cause.
-"""
+"""Refuses logs from which a response would be wrong: other units, axes or clocks, few commands."""
 
 import math
 
@@ -116,9 +113,7 @@ def _root_mean_square(values: Array) -> float:
 def check_clock(record: Record, sample_interval: float) -> None:
     """Refuse logs in which motion comes before its command, or too late.
 
-    Args:
-        record: the log at equal steps.
-        sample_interval: median time between two measurements, which blurs an onset by half [s].
+    An onset is known to half of the median interval between two measurements [s].
     """
     commanded, done = record.command[:, 0], record.done[:, 0]
     earliest, latest = round(EARLIEST_MOTION / CONTROL_DT), round(LATEST_MOTION / CONTROL_DT)
@@ -134,8 +129,10 @@ def check_clock(record: Record, sample_interval: float) -> None:
             "one clock for commands and measurements, and a robot that follows within "
             f"{LONGEST_DELAY:g} s"
         )
-    onset = _median_onset(record)
-    if onset is not None and onset < -(EARLIEST_MOTION + 0.5 * sample_interval):
+    entries = zip(record.command.T, record.done.T, strict=True)
+    onsets = [onset for entry in entries for onset in _onsets(*entry)]
+    onset = float(np.median(onsets)) if onsets else 0.0
+    if onset < -(EARLIEST_MOTION + 0.5 * sample_interval):
         raise InvalidInputError(
             f"log: after rests the robot moves {-onset:.2f} s before it is commanded to, expected "
             "one clock for commands and measurements: its lag would hide how late commands are "
@@ -146,30 +143,19 @@ def check_clock(record: Record, sample_interval: float) -> None:
 
 
 def _most_correlated_delay(commanded: Array, done: Array, longest: int) -> int:
-    """Return the delay in steps, from −longest to longest, with which motion follows commands best.
-
-    It is about τ + δ, since a lag delays the motion, too.
-    """
+    """Return the delay of the motion, within ± longest steps, that correlates best: about τ + δ."""
     padded = np.concatenate([np.zeros(longest), done, np.zeros(longest)])
     count = len(commanded)
     correlations = [abs(commanded @ padded[k : k + count]) for k in range(2 * longest + 1)]
     return int(np.argmax(correlations)) - longest
 
 
-def _median_onset(record: Record) -> float | None:
-    """Return how long after its command the robot begins to move from rest, the median [s].
-
-    It is negative where the motion comes first. It is None without rests, or where noise hides it.
-    """
-    onsets: list[float] = []
-    for commanded, done in zip(record.command.T, record.done.T, strict=True):
-        onsets += _onsets(commanded, done)
-    return float(np.median(onsets)) if onsets else None
-
-
 def _onsets(commanded: Array, done: Array) -> list[float]:
-    """Return how long after each rest of one entry its motion follows its command [s]."""
-    rest, half_rest = round(REST_TIME / CONTROL_DT), round(REST_TIME / CONTROL_DT) // 2
+    """Return how long after its command each motion from rest begins, negative if before [s].
+
+    Rests are left out after which the command is small, or in which noise hides the motion.
+    """
+    rest, half_rest = round(REST_TIME / CONTROL_DT), round(0.5 * REST_TIME / CONTROL_DT)
     window = round(ONSET_SMOOTHING / CONTROL_DT)
     command = np.abs(commanded)
     motion = np.abs(np.convolve(done, np.ones(window) / window, "same"))

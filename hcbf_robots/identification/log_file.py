@@ -29,8 +29,7 @@ TWIST_COLUMNS = ("vx", "vy", "w")
 ALL_COLUMNS = ("time", *COMMAND_COLUMNS, *POSE_COLUMNS, *TWIST_COLUMNS)
 
 SHORTEST_LOG = 20.0  # [s]
-LONGEST_GAP = 1.0  # between two measurements [s]
-LONGEST_MEDIAN_GAP = 0.2  # between two measurements [s]
+LONGEST_GAP, LONGEST_MEDIAN_GAP = 1.0, 0.2  # between two measurements [s]
 
 HOW_TO_DRIVE = (
     "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
@@ -51,17 +50,11 @@ class Log(NamedTuple):
     @property
     def command_names(self) -> tuple[str, ...]:
         """The columns of the commands' entries: three, or two of a differential drive."""
-        with_sideways = self.commands.shape[1] == len(COMMAND_COLUMNS)
-        return COMMAND_COLUMNS if with_sideways else (COMMAND_COLUMNS[0], COMMAND_COLUMNS[2])
+        return COMMAND_COLUMNS if self.commands.shape[1] == 3 else ("cmd_vx", "cmd_w")
 
 
 def read(path: Path) -> Log:
-    """Read a log.
-
-    Raises:
-        InvalidInputError: if a column is missing or unknown, a line is malformed, which the message
-            names, or the log is too short or too sparse.
-    """
+    """Read a log, or raise an InvalidInputError that names the malformed column or line."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file, strict=True))
@@ -69,12 +62,10 @@ def read(path: Path) -> Log:
         raise InvalidInputError(f"log: got {path} ({error}), expected a CSV file") from error
     header = [name.strip() for name in lines[0]] if lines else []
     command_columns = _command_columns(header)
-    numbered = [(k, row) for k, row in enumerate(lines[1:], start=2) if any(map(str.strip, row))]
-    line_numbers = [line for line, _ in numbered]
-    cells = [_numbers(row, len(header), line) for line, row in numbered]
-    table = np.array(cells).reshape(-1, len(header))
-    columns = dict(zip(header, table.T, strict=True))
-    _check_order(columns["time"], line_numbers)
+    rows = {k: row for k, row in enumerate(lines[1:], start=2) if any(map(str.strip, row))}
+    table = np.array([_numbers(row, len(header), line) for line, row in rows.items()])
+    columns = dict(zip(header, table.reshape(-1, len(header)).T, strict=True))
+    _check_order(columns["time"], list(rows))
     log = _split(columns, command_columns)
     _check_times(log)
     return log
@@ -150,11 +141,11 @@ def _check_times(log: Log) -> None:
             f"{HOW_TO_DRIVE}"
         )
     start, end = log.time[0], log.time[-1]
-    first_command, last_command = log.command_times[0], log.command_times[-1]
-    if first_command > end or last_command < start:
+    first, last = log.command_times[0], log.command_times[-1]
+    if first > end or last < start:
         raise InvalidInputError(
-            f"log: got commands from {first_command:.10g} to {last_command:.10g} s and "
-            f"measurements from {start:.10g} to {end:.10g} s, expected the same clock for both"
+            f"log: got commands from {first:.10g} to {last:.10g} s and measurements from "
+            f"{start:.10g} to {end:.10g} s, expected the same clock for both"
         )
     if end - start < SHORTEST_LOG:
         raise InvalidInputError(
@@ -164,8 +155,8 @@ def _check_times(log: Log) -> None:
     if gaps.max() > LONGEST_GAP or np.median(gaps) > LONGEST_MEDIAN_GAP:
         raise InvalidInputError(
             f"log: got {gaps.max():.3g} s without a measurement, and {np.median(gaps):.3g} s "
-            f"between two in the median, expected at most {LONGEST_GAP:g} and "
-            f"{LONGEST_MEDIAN_GAP:g} s"
+            "between two in the median, expected at most "
+            f"{LONGEST_GAP:g} and {LONGEST_MEDIAN_GAP:g} s"
         )
 
 

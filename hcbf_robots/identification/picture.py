@@ -12,19 +12,12 @@ from hcbf_robots.identification.analysis import Identified
 
 DRAWN_TIME = 20.0  # the part of the record that is drawn [s]
 COMMANDED_COLOUR, FITTED_COLOUR = "0.6", "#d55e00"
-
 LABELS = {2: ("v [m/s]", "ω [rad/s]"), 3: ("v_x [m/s]", "v_y [m/s]", "ω [rad/s]")}
 """Number of entries of a command → their labels."""
 
 
 def plot(identified: Identified, title: str, path: Path) -> None:
-    """Save a picture with one row for each entry of the command.
-
-    Args:
-        identified: the record and its fits.
-        title: of the picture.
-        path: of the image file to write.
-    """
+    """Save a picture with one row for each entry of the command to an image file."""
     record, fits = identified.record, identified.fits
     samples = slice(round(DRAWN_TIME / CONTROL_DT))
     time = CONTROL_DT * np.arange(len(record.command[samples]))

@@ -74,13 +74,7 @@ def _described(text: str) -> RankedMap:
 
 @lru_cache(maxsize=8)
 def places(floor: RankedMap) -> Array:
-    """Return the centres (K, 2) of the cells of the largest connected area for a body [m].
-
-    Its radius is `CLEAR`. Speed zones may be crossed.
-
-    Raises:
-        InvalidInputError: if the map has no room for such a body.
-    """
+    """Return the centres (K, 2) of the largest connected area for a body of radius `CLEAR` [m]."""
     from scipy import ndimage
 
     closed = np.zeros(floor.grid.shape, dtype=np.bool_)

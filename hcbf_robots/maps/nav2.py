@@ -32,8 +32,7 @@ MODES = ("trinary", "scale", "raw")
 LONGEST_TEXT = 65_536  # of a YAML file [bytes]
 
 _KEY_AND_VALUE = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
-_IMAGE_FORMATS = {"PPM": "PGM", "PNG": "PNG"}
-"""Pillow's name of a format → the name in messages."""
+_IMAGE_FORMATS = {"PPM": "PGM", "PNG": "PNG"}  # Pillow's name → the name in messages
 _PIXEL_MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")  # Pillow's, of 8 bits a channel
 
 
@@ -130,14 +129,10 @@ def _text(path: Path) -> str:
 
 
 def parse(text: str, name: str) -> dict[str, Any]:
-    """Return the keys of a YAML text with one level: numbers, texts, and lists of numbers.
-
-    Args:
-        text: the YAML text.
-        name: of the map in messages.
+    """Return the keys of a map's YAML text with one level: numbers, texts, and lists of numbers.
 
     Raises:
-        InvalidInputError: on anything else, and on a repeated key.
+        InvalidInputError: on anything else, and on a repeated key; `name` is the map's in messages.
     """
     keys: dict[str, Any] = {}
     open_list: list[Any] | None = None  # of the last key, if its items are on lines of their own
@@ -207,9 +202,8 @@ def _pixels(path: Path, mode: str) -> tuple[Any, Any]:
         raise
     except (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError) as error:
         formats = " or ".join(_IMAGE_FORMATS.values())
-        raise InvalidInputError(
-            f"map image {path}: got {error}, expected a readable {formats}"
-        ) from error
+        message = f"map image {path}: got {error}, expected a readable {formats}"
+        raise InvalidInputError(message) from error
     is_transparent = channels[..., 3] < 255
     averaged = 4 if mode == "trinary" and is_transparent.any() else 3
     brightness = channels[..., :averaged].astype(np.float64).mean(axis=2) / 255.0

@@ -24,25 +24,15 @@ def packed(grid: Grid, classes: tuple[MapClass, ...]) -> dict[str, object]:
         "origin": list(grid.origin),
         "shape": list(grid.shape),
         "classes": [
-            {
-                "name": region.name,
-                "rank": region.rank,
-                "kind": region.kind,
-                "cells": _packed_cells(region.cells),
-                "limit": region.limit,
-                "margin": region.margin,
-            }
+            {"name": region.name, "rank": region.rank, "kind": region.kind}
+            | {"cells": _packed_cells(region.cells), "limit": region.limit, "margin": region.margin}
             for region in classes
         ],
     }
 
 
 def unpacked(data: Mapping[str, Any]) -> tuple[Grid, tuple[MapClass, ...]]:
-    """Return the grid and the classes of a dict that `packed` wrote.
-
-    Raises:
-        InvalidInputError: if a key is missing or unknown, or a value is malformed.
-    """
+    """Return the grid and the classes of a dict that `packed` wrote."""
     check_options("map", data, KEYS)
     missing = [key for key in KEYS if key not in data]
     if missing:

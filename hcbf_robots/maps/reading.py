@@ -19,8 +19,7 @@ from hcbf_robots.maps.regrid import onto
 
 _LOGGER = logging.getLogger("hcbf_robots.maps")
 
-DEFAULTS: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}
-"""Defaults of the arguments of `RankedMap.load`."""
+DEFAULTS: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}  # of `RankedMap.load`
 
 FREE_BELOW, OCCUPIED_ABOVE = 25, 65
 """Occupancies [%]: cells of a map between both are unknown. In a mask all from 25 on counts."""
@@ -83,10 +82,7 @@ def read(
 
 
 def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
-    """Return the classes of a map: "occupied" and, where the unknown cells have a rank, "unknown".
-
-    `RankedMap.load` has the arguments.
-    """
+    """Return the classes "occupied" and, where unknown cells have a rank, "unknown" of a map."""
     occupied_cells, unknown_cells = _split(raster)
     classes = [MapClass("occupied", rank, "keepout", occupied_cells, margin=margin)]
     if unknown is not None:
@@ -104,14 +100,10 @@ def _split(raster: Raster) -> tuple[Mask, Mask]:
 def _of_mask_file(
     path: Path, name: str, entry: object, grid: Grid, unknown: int | None
 ) -> list[MapClass]:
-    """Return the classes of a mask's file, transferred to the cells of the map.
+    """Return the classes of a mask's file, transferred to the grid of the map.
 
-    Args:
-        path: the mask's file.
-        name: the path by which the user gave the mask.
-        entry: its rank, or its fields (`MASK_FIELDS`).
-        grid: the map's.
-        unknown: rank of all outside the map; None if it is free.
+    `entry` is the mask's rank, or its fields (`MASK_FIELDS`). `unknown` is the rank of all outside
+    the map, or None if it is free.
     """
     label = f"map: mask {name!r}"
     fields: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"rank": entry}
@@ -119,9 +111,8 @@ def _of_mask_file(
     check_options(label, fields, MASK_FIELDS)
     if "rank" not in fields:
         raise InvalidInputError(f"{label}: 'rank' is missing, expected an integer")
-    fields = {"name": Path(name).stem, "kind": "keepout"} | fields
     raster, classes = nav2.read(path, drawn=True), []
-    for region in of_mask(raster, label, fields):
+    for region in of_mask(raster, label, {"name": Path(name).stem, "kind": "keepout"} | fields):
         cells, is_outside = onto(grid, region.cells, raster.grid)
         classes.append(replace(region, cells=cells))
         if is_outside and (unknown is None or unknown > region.rank):
@@ -137,11 +128,8 @@ def _of_mask_file(
 def of_mask(raster: Raster, label: str, fields: dict[str, Any]) -> list[MapClass]:
     """Return the classes of a mask: one keepout, or one for each speed limit in it.
 
-    Args:
-        raster: the mask.
-        label: of the mask in messages.
-        fields: those of `MapClass` without "cells"; graded speed limits have "base" and
-            "multiplier" in place of "limit".
+    The fields are those of `MapClass` without "cells". Graded speed limits have "base" and
+    "multiplier" in place of "limit". `label` is the mask's name in messages.
     """
     base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
     if base is None and multiplier is None:

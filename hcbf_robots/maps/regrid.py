@@ -18,12 +18,9 @@ def onto(grid: Grid, cells: Mask, source: Grid) -> tuple[Mask, bool]:
     one overlaps, because no part of a strict cell may be entered.
 
     Args:
-        grid: of the returned cells.
+        grid: of the cells (rows, columns) that are returned, with whether some are outside of it.
         cells: (rows, columns) which cells of `source` are occupied.
         source: the grid of these cells.
-
-    Returns:
-        The cells (rows, columns) that are met, and whether occupied ones are outside the grid.
     """
     if grid == source:
         return cells, False

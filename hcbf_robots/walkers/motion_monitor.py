@@ -8,8 +8,7 @@ remains over long times. "Failing closed" has the law, which the core computes
 (`motion_monitor.hpp`, `monitor.hpp`).
 
 A gait's oscillation hides many a fault in the missing motion. Motion that is late, scaled or turned
-correlates with v̂, but the oscillation does not. So correlations over longer windows are compared,
-too.
+correlates with v̂, the oscillation does not. So correlations over longer windows count, too.
 
 An unmeasured robot may follow with any τ and δ up to those that the rows assume. v̂ is computed with
 the greatest of both. A robot without lag and delay moves by q more than v̂. Every robot between is
@@ -83,12 +82,9 @@ class MotionMonitor:
         self._notes[:] = 0
 
     def command(self, command: Array, time: float, until: float = math.inf) -> None:
-        """Note a command that the robot gets.
+        """Note a command (k,) of the robot, in its own axes [m/s, rad/s], from a time on [s].
 
-        Args:
-            command: (k,) in the robot's own axes [m/s, rad/s].
-            time: from which it counts [s].
-            until: from this time on the command is zero, which the robot may not yet follow [s].
+        From the time `until` on the command is zero, which the robot may not yet follow.
         """
         expected = self._gains * command
         ahead, aside = self._command.in_plane(expected)

@@ -73,8 +73,7 @@ class Adapter:
             self._follows = response.follows
         else:
             self._follows = 0.5 * UNKNOWN.follows if self._look_ahead is None else 0.0
-        takes_effect = self._follows + period
-        fastest = command.fastest
+        takes_effect, fastest = self._follows + period, command.fastest
         rate = TURN_OF_COMMAND / max(1.0, fastest) / takes_effect
         self._greatest_rate = min(self._limits[-1], rate, TURNING_SHARE * able / fastest)
         self._greatest_change = rate / takes_effect * period  # of the rate, from call to call
@@ -95,13 +94,9 @@ class Adapter:
         self.turns = turns
 
     def command(self, vx: float, vy: float, yaw: float, rate: float) -> tuple[float, ...]:
-        """Return the command, (v, ω) or (v_x, v_y, ω) [m/s, rad/s].
+        """Return the command, (v, ω) or (v_x, v_y, ω), for a velocity in the world [m/s, rad/s].
 
-        Args:
-            vx: the model's velocity along x in the world [m/s].
-            vy: the model's velocity along y in the world [m/s].
-            yaw: the robot's heading [rad].
-            rate: the robot's turning rate [rad/s].
+        `yaw` and `rate` are the robot's measured heading [rad] and turning rate [rad/s].
         """
         predicted_yaw = yaw + rate * self._follows
         cos, sin = math.cos(predicted_yaw), math.sin(predicted_yaw)

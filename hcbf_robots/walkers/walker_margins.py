@@ -43,11 +43,8 @@ def uncertainty(response: Response, period: float) -> Uncertainty:
 
     A body that is faster towards a region than its command stays so for ``τ + δ + T``. One that
     remains faster by e settles nearer: with ḣ = v − e and v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m), at
-    h = m − (1/α₁' + 1/α₂') e. The residual within τ + δ is reserved in any case.
-
-    Args:
-        response: how the robot follows.
-        period: T, the time between two inputs [s].
+    h = m − (1/α₁' + 1/α₂') e. The residual within τ + δ is reserved in any case. T is the period
+    between two inputs [s].
     """
     follows = response.follows
     _, often, _ = response.residual
@@ -64,11 +61,8 @@ def uncertainty(response: Response, period: float) -> Uncertainty:
 def margins(response: Response, period: float, robot: str, more: float = 0.0) -> Uncertainty:
     """Return `uncertainty`, or the greater values that a certificate of the robot found necessary.
 
-    Args:
-        response: how the robot follows.
-        period: T, the time between two inputs [s].
-        robot: the robot's identity, see `certificates.robot_of`.
-        more: added to the distance [m] and to the speed [m/s].
+    `robot` is its identity, see `certificates.robot_of`. `more` is added to the distance [m] and to
+    the speed [m/s].
     """
     law = uncertainty(response, period)
     law = law._replace(distance=law.distance + more, speed=law.speed + more)
@@ -78,10 +72,7 @@ def margins(response: Response, period: float, robot: str, more: float = 0.0) ->
 def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tuple[float, bool]:
     """Return the cap on the speed [m/s], and whether the robot's motors alone set it.
 
-    Args:
-        command: the limits of the robot's commands.
-        v_max: the user's cap [m/s]; None for none.
-        scene: the scene's cap, which counts without a user's [m/s]; None for none.
+    The user's cap `v_max` [m/s] counts before the scene's [m/s]; None means that there is none.
 
     Raises:
         InvalidInputError: if the user's cap is more than the robot may be commanded.
@@ -101,13 +92,8 @@ def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tup
 def speed_row(cap: float, reserved: float, is_own: bool) -> float:
     """Return v_max of the row of the speed limit [m/s].
 
-    Where the motors cap the speed, the row must still permit the greatest command. So it exceeds
-    the cap by what the row reserves: ``v_max = m + √(m² + cap²)``.
-
-    Args:
-        cap: on the speed [m/s].
-        reserved: m, the speed that the row reserves [m/s].
-        is_own: whether the robot's own motors set the cap.
+    If the robot's own motors set the cap [m/s], the row must still permit the greatest command. So
+    it exceeds the cap by the reserved speed m [m/s]: ``v_max = m + √(m² + cap²)``.
 
     Raises:
         InvalidInputError: if the row leaves no speed.
@@ -160,13 +146,8 @@ def stops(response: Response, speed: float, input_set: InputSet) -> float | None
     Before it slows down, a body of the speed v moves by v (τ + δ). Meanwhile the model brakes with
     a, and the margin grows by c a (τ + δ), but by no more than `GREATEST_ERROR`. The rest of the
     path, ``x = (τ + δ) v − min(GREATEST_ERROR, c a (τ + δ))``, is taken `LATE_PATH_FACTOR` times
-    from the braking: ``v² / (2 a) + LATE_PATH_FACTOR x = v² / (2 stops)``. Where no path is left,
-    it is None.
-
-    Args:
-        response: how the robot follows.
-        speed: v, the greatest speed that the robot is commanded [m/s].
-        input_set: U, by which the model brakes.
+    from the braking: ``v² / (2 a) + LATE_PATH_FACTOR x = v² / (2 stops)``. v is the greatest speed
+    that is commanded [m/s]. The result is None where no path is left.
     """
     able, follows = (1.0 - braking.RESERVE) * braking.weakest(input_set), response.follows
     late_path = max(0.0, follows * speed - min(GREATEST_ERROR, SETTLING_TIME * able * follows))
@@ -180,13 +161,7 @@ def axle_of(command: Command, response: Response, input_set: InputSet, v_max: fl
     """Return the limits of a differential drive; None for a robot that moves in every direction.
 
     The axle's inputs are a rectangle that turns with the heading. It is inscribed in the largest
-    ball within U, so that it never leaves U.
-
-    Args:
-        command: the limits of the robot's commands.
-        response: how the robot follows.
-        input_set: U.
-        v_max: the cap on the speed [m/s].
+    ball within U, so that it never leaves U. `v_max` is the cap on the speed [m/s].
     """
     if command.look_ahead is None:
         return None

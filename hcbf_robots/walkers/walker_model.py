@@ -43,14 +43,7 @@ def walker_spec(
 ) -> tuple[mujoco.MjSpec, Parts]:
     """Return the robot alone, as the contract changes it, and the names of its parts.
 
-    Sensors that no term reads are removed, because MuJoCo would compute them at every step.
-
-    Args:
-        mjcf: the robot's file.
-        body: the contract's sections `body`, `action` and `physics`.
-        action: see `body`.
-        physics: see `body`.
-        sensors: names of the sensors that the controller observes.
+    Only the named sensors are kept, because MuJoCo computes all of them at every step.
 
     Raises:
         RobotModelError: if the file cannot be read, is no single robot that floats, or lacks a
@@ -60,10 +53,7 @@ def walker_spec(
     model = compile_spec(load_spec(mjcf), mjcf)
     trunk = _trunk(model, body)
     _check_alone(model, trunk)
-    if action.actuators is None:
-        joints, actuators = _driven_joints(model, action)
-    else:
-        joints, actuators = (), _known_actuators(model, action.actuators)
+    joints, actuators = _driven(model, action)
     home = _home(model, action, joints)
     spec = load_spec(mjcf)
     for element in (*spec.keys, *spec.lights):  # the scene has lights, and keys would not fit it
@@ -113,7 +103,7 @@ def _trunk(model: mujoco.MjModel, body: Body) -> str:
 
 
 def _check_alone(model: mujoco.MjModel, trunk: str) -> None:
-    """Refuse files with more than one robot, other gravity, or bodies without a mass."""
+    """Refuse files with more than one robot, other gravity, or no mass."""
     check_alone("mjcf", model, trunk)
     if not np.allclose(model.opt.gravity, (0.0, 0.0, -GRAVITY), atol=0.01):
         raise RobotModelError(
@@ -124,19 +114,14 @@ def _check_alone(model: mujoco.MjModel, trunk: str) -> None:
         raise RobotModelError(f"mjcf: got the masses {masses.tolist()}, expected a robot's")
 
 
-def _known_actuators(model: mujoco.MjModel, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return names of actuators, or refuse those that the file lacks."""
-    known = [model.actuator(i).name for i in range(model.nu)]
-    missing = [name for name in names if name not in known]
-    if missing:
-        raise RobotModelError(f"action: got no actuators {missing}, expected among {known}")
-    return names
-
-
-def _driven_joints(
-    model: mujoco.MjModel, action: Action
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names (k,) of the driven joints, and of the actuator at each."""
+def _driven(model: mujoco.MjModel, action: Action) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of the driven joints, and of the actuators, in the output's order."""
+    if action.actuators is not None:
+        known = [model.actuator(i).name for i in range(model.nu)]
+        missing = [name for name in action.actuators if name not in known]
+        if missing:
+            raise RobotModelError(f"action: got no actuators {missing}, expected among {known}")
+        return (), action.actuators
     scalar_joints = [
         model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in _SCALAR_JOINTS
     ]

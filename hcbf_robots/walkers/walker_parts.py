@@ -15,9 +15,7 @@ HEADINGS = {
     "fixed": "as at the start",
     "free": "by a rate that is set from outside",
 }
-"""Rule of a robot's heading → what it follows."""
-KINDS = {"position": "home + scale × action", "direct": "scale × action"}
-"""Kind of an action → the actuators' input."""
+KINDS = {"position": "home + scale × action", "direct": "scale × action"}  # an actuator's input
 CONES = ("pyramidal", "elliptic")
 
 GREATEST_LIMIT = 20.0  # of a command [m/s, rad/s, m]; greater numbers are cm/s or degrees
@@ -69,10 +67,7 @@ class Command:
         choose("heading", self.heading, HEADINGS)
 
     def in_plane(self, command: Array) -> Array:
-        """Return the velocity (…, 2) that commands (…, k) give the point that follows [m/s].
-
-        It is in the robot's axes. The point is at ℓ before the axle, or the centre.
-        """
+        """Return the velocities (…, 2) in the robot's axes that commands (…, k) give its point."""
         if self.look_ahead is None:
             return command[..., :2]
         return command * np.array([1.0, self.look_ahead])
@@ -231,11 +226,7 @@ def numbers(what: str, value: object) -> tuple[float, ...]:
 
 
 def spread(what: str, values: tuple[float, ...], count: int) -> Array:
-    """Return (count,) numbers, one for each, from as many or from one for all.
-
-    Raises:
-        InvalidInputError: if their number is neither 1 nor `count`.
-    """
+    """Return (count,) numbers, from as many or from one for all, or raise InvalidInputError."""
     if len(values) not in (1, count):
         raise InvalidInputError(f"{what}: got {len(values)} numbers, expected 1 or {count}")
     return np.broadcast_to(np.array(values), count).copy()

@@ -52,10 +52,7 @@ def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
 
 
 def files(policy: str, folder: Path) -> list[Path]:
-    """Return the file of a controller's network, or the files of a user's module.
-
-    The arguments are those of `make`.
-    """
+    """Return the file of a controller's network, or the files of a user's module."""
     if policy.endswith(".onnx"):
         return [folder / policy]
     return loading.files(_in_folder(policy, folder))
