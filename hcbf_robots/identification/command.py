@@ -50,7 +50,7 @@ class Args:
 
 
 class _Measured(NamedTuple):
-    """A robot's response, its name and limits, and the file to which the response belongs."""
+    """A robot's response, limits and name, and the usual file of its response."""
 
     identified: Identified
     command: Command
@@ -114,8 +114,7 @@ def _table(title: str, command: Command, response: Response) -> Table:
         table.add_row(f"gain of {entry}", f"{gain:.2f}")
     table.add_row("time constant", f"{response.time_constant:.3f} s")
     table.add_row("delay", f"{response.delay:.3f} s")
-    residual = f"{half:.3f}, {often:.3f}, {nearly_always:.3f} m/s"
-    table.add_row("residual 50, 95, 99.9 %", residual)
+    table.add_row("residual 50, 95, 99.9 %", f"{half:.3f}, {often:.3f}, {nearly_always:.3f} m/s")
     table.add_row("deviation while it follows, 99.9 %", f"{response.deviation:.3f} m")
     table.add_row("residual that lasts, 99.9 %", f"{response.lasting:.3f} m/s")
     table.add_row("overshoot, 99.9 %", f"{response.overshoot:.3f} m/s")

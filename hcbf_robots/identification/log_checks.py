@@ -12,7 +12,6 @@ from hcbf_robots.identification.log_file import HOW_TO_DRIVE, TWIST_COLUMNS, Log
 from hcbf_robots.walkers.walker_parts import Command
 
 TWIST_UNITS = ("m/s", "m/s", "rad/s")
-
 COMMANDED_SHARE = 0.5  # share of each limit that the log must command
 LEAST_VARIATION = 4.0  # changes of an entry, added up, as multiples of its greatest value
 

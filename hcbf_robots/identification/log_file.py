@@ -1,16 +1,8 @@
 """Reads the log of a drive by hand: a CSV file with a header.
 
-Each line has a time, and the command from then on, or what was measured then, or both. The other
-cells are empty. All times are of one clock.
-
-| column | meaning |
-|---|---|
-| time | [s] |
-| cmd_vx, cmd_vy, cmd_w | the command in its axes [m/s, rad/s]; a differential drive has no vy |
-| x, y, yaw | pose of the robot's centre [m, rad] |
-| vx, vy, w | twist of its centre in its own axes [m/s, rad/s]; a differential drive needs no vy |
-
-Pose or twist is enough. Where both are there, the twist counts, and they must agree.
+Each line has a time [s], and the command from then on, or what was measured then, or both. The
+other cells are empty. All times are of one clock. Commands and twists are in the robot's own axes.
+A pose or a twist of its centre is enough. With both the twist counts, and they must agree.
 """
 
 import csv
@@ -23,9 +15,9 @@ import numpy as np
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError
 
-COMMAND_COLUMNS = ("cmd_vx", "cmd_vy", "cmd_w")
-POSE_COLUMNS = ("x", "y", "yaw")
-TWIST_COLUMNS = ("vx", "vy", "w")
+COMMAND_COLUMNS = ("cmd_vx", "cmd_vy", "cmd_w")  # [m/s, rad/s]; differential drives have no cmd_vy
+POSE_COLUMNS = ("x", "y", "yaw")  # [m, rad]
+TWIST_COLUMNS = ("vx", "vy", "w")  # [m/s, rad/s]; differential drives need no vy
 ALL_COLUMNS = ("time", *COMMAND_COLUMNS, *POSE_COLUMNS, *TWIST_COLUMNS)
 
 SHORTEST_LOG = 20.0  # [s]
@@ -104,10 +96,10 @@ def _numbers(row: list[str], count: int, line: int) -> list[float]:
 
 def _check_order(time: Array, line_numbers: list[int]) -> None:
     """Refuse a missing time (NaN), and one that is before the time of the line above."""
-    missing = np.isnan(time)
-    backwards = np.flatnonzero(np.diff(time) < 0.0)
-    if missing.any() or len(backwards):
-        row = int(missing.argmax()) if missing.any() else int(backwards[0]) + 1
+    missing = np.flatnonzero(np.isnan(time))
+    backwards = np.flatnonzero(np.diff(time) < 0.0) + 1
+    if len(missing) or len(backwards):
+        row = int(missing[0] if len(missing) else backwards[0])
         raise InvalidInputError(
             f"log: line {line_numbers[row]}: got the time {time[row]:.10g}, expected a time that "
             "is not before that of the line above: all times of one clock, in their order"

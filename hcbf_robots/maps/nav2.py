@@ -116,16 +116,15 @@ def _text(path: Path) -> str:
     """Return the content of a text file, or refuse one that is too long or unreadable."""
     try:
         size = path.stat().st_size
-        text = path.read_text(encoding="utf-8") if size <= LONGEST_TEXT else ""
+        if size <= LONGEST_TEXT:
+            return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise InvalidInputError(
             f"map {path}: got {error}, expected a readable YAML file of Nav2's map server"
         ) from error
-    if size > LONGEST_TEXT:
-        raise InvalidInputError(
-            f"map {path}: got a file of {size} bytes, expected at most {LONGEST_TEXT}"
-        )
-    return text
+    raise InvalidInputError(
+        f"map {path}: got a file of {size} bytes, expected at most {LONGEST_TEXT}"
+    )
 
 
 def parse(text: str, name: str) -> dict[str, Any]:

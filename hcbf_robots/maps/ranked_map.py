@@ -160,18 +160,17 @@ class RankedMap(Floor):
     @cached_property
     def _pieces_in_grid(self) -> tuple[Pieces, ...]:
         """The pieces of each class, without those of all outside the grid."""
+        barriers = zip(self.classes, self.covers, self.conditions, strict=True)
         return tuple(
             self._pieces(cover) if region.kind == "unknown" else barrier.pieces
-            for region, cover, barrier in zip(
-                self.classes, self.covers, self._conditions, strict=True
-            )
+            for region, cover, barrier in barriers
         )
 
     def polygons(self, name: str) -> list[Array]:
         """Return the corners (k, 2) of the convex pieces that cover a class's cells [m]."""
         indices = {region.name: k for k, region in enumerate(self.classes)}
         k = choose("map class", name, indices)
-        return self._conditions[k].pieces.polygons[: len(self.covers[k].sizes)]
+        return self.conditions[k].pieces.polygons[: len(self.covers[k].sizes)]
 
     def outlines(self, region: MapClass, covered: bool = False) -> list[Array]:
         """Return the corners (k, 2) of rectangles of a class's cells, or of its pieces [m]."""
@@ -215,7 +214,7 @@ class RankedMap(Floor):
         records.check_mapping("map update: cells", cells)
         check_options("map update: classes", cells, indices)
         classes, covers = list(self.classes), list(self.covers)
-        conditions = list(self._conditions)
+        conditions = list(self.conditions)
         for name, values in cells.items():
             k = indices[name]
             window = as_array(f"map update: {name}", values)

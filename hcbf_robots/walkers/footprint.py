@@ -26,8 +26,7 @@ def reach(footprint: str | ArrayLike) -> float:
     corners = _corners_in(footprint) if isinstance(footprint, str) else footprint
     array = as_array("footprint", corners)
     points = finite_array("footprint", array, (None, 2), largest=LARGEST_COORDINATE)
-    edges = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
-    points = points[edges > LEAST_WIDTH]
+    points = points[np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1) > LEAST_WIDTH]
     if len(points) < 3:
         raise InvalidInputError(
             f"footprint: got {len(points)} different corners, expected at least 3 pairs (x, y) "

@@ -124,15 +124,14 @@ class MotionMonitor:
 def _law(command: Command, known: Response, is_measured: bool, widened: float) -> Records:
     """Return the core's record of the bounds, but for the regular period and the acceleration."""
     follows = max(known.follows, 1e-3)
-    oscillation = known.deviation / follows  # S
     if is_measured:
         lasting = known.residual[1] if known.lasting is None else known.lasting
-        lasting = min(oscillation, lasting)
+        lasting = min(known.deviation / follows, lasting)
         most, share, arc = OBSERVED_FACTOR * known.deviation / follows, MEASURED_SHARE, 0.0
     else:
         lasting = UNMEASURED_LASTING * command.fastest
-        most, share = known.deviation / (RESIDUALS_ADD_UP * follows), UNMEASURED_SHARE
-        arc = UNMEASURED_ARC
+        most = known.deviation / (RESIDUALS_ADD_UP * follows)
+        share, arc = UNMEASURED_SHARE, UNMEASURED_ARC
     law = np.zeros(1, dtype=record_type("motion_monitor.Law"))
     law["tau"], law["delay"] = known.time_constant, known.delay
     law["first"] = max(follows, SHORTEST_WINDOW)

@@ -46,6 +46,7 @@ SLOWEST_PERIOD = 0.2  # of a controller [s]
 NAMES = {name: carts.FOLDER / f"{name}.json" for name in ("cart", "holonomic-cart")}
 """Name → contract of the walkers that the package has."""
 
+_RESPONSE = ".response.json"  # suffix of the file beside the contract
 _RECORDS = (Command, Action, Body, Fall, Phase, Physics)
 _SECTIONS = {record.__name__.lower(): record for record in _RECORDS}
 _DEFAULTS = {"phase": None, "physics": Physics()}  # of the sections that a contract may leave out
@@ -109,7 +110,7 @@ class Walker:
     @property
     def response_file(self) -> Path:
         """Where `hcbf identify` writes the response: beside the contract."""
-        return _response_file(self.source)
+        return self.source.with_suffix(_RESPONSE)
 
     @property
     def files(self) -> list[Path]:
@@ -207,10 +208,6 @@ class Walker:
             )
 
 
-def _response_file(contract: Path) -> Path:
-    return contract.with_suffix(".response.json")
-
-
 def _find(path: str | Path) -> Path:
     """Return the file of a contract that is given by its path or its name."""
     if not isinstance(path, str | Path):
@@ -255,7 +252,7 @@ def _read(file: Path) -> Walker:
     period = finite_float(
         f"{what}: period", data["period"], minimum=0.0, maximum=SLOWEST_PERIOD, exclusive=True
     )
-    response_file = _response_file(file)
+    response_file = file.with_suffix(_RESPONSE)
     response = Response.load(response_file) if response_file.is_file() else None
     if response is not None:
         response.gains(len(sections["command"].limits))  # raises if their number does not fit

@@ -235,27 +235,20 @@ class Kind(NamedTuple):
 
 
 TERMS: dict[str, Kind] = {
-    # a sensor of the robot's file
-    "sensor": Kind(_sensor, required=("name",)),
-    # (3,) direction of gravity, in the axes of a site or of the trunk
-    "gravity": Kind(_gravity, optional=("site",)),
-    # (3,) velocity of the trunk's origin, in the trunk's axes [m/s]
-    "linear_velocity": Kind(_linear_velocity),
-    # (3,) angular velocity of the trunk, in the trunk's axes [rad/s]
+    "sensor": Kind(_sensor, required=("name",)),  # a sensor of the robot's file
+    "gravity": Kind(_gravity, optional=("site",)),  # (3,) in the axes of a site or of the trunk
+    "linear_velocity": Kind(_linear_velocity),  # (3,) of the trunk's origin, in its axes [m/s]
+    # (3,) of the trunk, in its axes [rad/s]
     "angular_velocity": Kind(lambda source, options: _copies(source.data.qvel[3:6])),
-    # (k,) positions of the driven joints minus home [rad, m]
-    "joints": Kind(_joints),
-    # (k,) velocities of the driven joints [rad/s, m/s]
-    "rates": Kind(_rates),
+    "joints": Kind(_joints),  # (k,) positions of the driven joints minus home [rad, m]
+    "rates": Kind(_rates),  # (k,) velocities of the driven joints [rad/s, m/s]
     # (k,) the controller's last output
     "last_action": Kind(lambda source, options: _copies(source.last_action)),
-    # (c,) the command: (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
+    # (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
     "command": Kind(lambda source, options: _copies(source.command)),
-    # (2p,) cosines of the clock's phases, then their sines
-    "phase": Kind(_phase),
-    # (nq + nv,) MuJoCo's qpos and qvel of the robot
-    "state": Kind(_state),
+    "phase": Kind(_phase),  # (2p,) cosines of the clock's phases, then their sines
+    "state": Kind(_state),  # (nq + nv,) MuJoCo's qpos and qvel of the robot
     # (b,) 1 for each body that is touched with `TOUCH_FORCE` or more, 0 for the others
     "contacts": Kind(_contacts, required=("bodies",)),
 }
-"""Name of a term → its kind. The comments describe the entries."""
+"""Name of a term → its kind; the comments describe the entries."""
