@@ -21,7 +21,6 @@ RANDOM_SHARE = 0.8  # share of the contract's limits that random commands reach
 REST_PROBABILITY = 0.2  # of a random command to be zero
 STOP_DIRECTIONS = 8  # in which a robot that moves in every direction stops from full speed
 RUN_TIME, STOP_TIME = 2.5, 2.0  # of a run at full speed and of the stop after it [s]
-
 CREEP_SHARE, CREEP_TIME = 0.3, 30.0
 """A creeping command grows from zero to this share of full speed, within this time [s]: many robots
 are at rest while they are commanded to go slowly."""

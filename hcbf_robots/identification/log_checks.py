@@ -14,7 +14,6 @@ from hcbf_robots.walkers.walker_parts import Command
 TWIST_UNITS = ("m/s", "m/s", "rad/s")
 COMMANDED_SHARE = 0.5  # share of each limit that the log must command
 LEAST_VARIATION = 4.0  # changes of an entry, added up, as multiples of its greatest value
-
 SMOOTHING_WINDOW = 0.5  # over which twists are averaged before they are compared [s]
 DISAGREEMENT = 0.25  # share by which pose and twist may differ
 LARGEST_YAW_ERROR = 0.09  # of the pose of a differential drive [rad]
@@ -25,7 +24,6 @@ REST_TIME = 1.0  # a rest is commanded at least as long [s]
 REST_COMMAND = 0.02  # the greatest command in a rest, as a share of the greatest at all
 ONSET_MOTION = 0.2  # the motion that ends a rest, as a share of the greatest
 ONSET_SMOOTHING = 0.1  # over which the motion is averaged before its onset is looked for [s]
-
 DEGREE_RATIOS = (30.0, 120.0)  # a ratio of turning rates in this range comes from degrees (57.3)
 
 
@@ -110,10 +108,7 @@ def _root_mean_square(values: Array) -> float:
 
 
 def check_clock(record: Record, sample_interval: float) -> None:
-    """Refuse logs in which motion comes before its command, or too late.
-
-    An onset is known to half of the median interval between two measurements [s].
-    """
+    """Refuse logs, measured at an interval [s], in which motion precedes commands or is late."""
     commanded, done = record.command[:, 0], record.done[:, 0]
     earliest, latest = round(EARLIEST_MOTION / CONTROL_DT), round(LATEST_MOTION / CONTROL_DT)
     delay = _most_correlated_delay(commanded, done, latest)
@@ -131,6 +126,7 @@ def check_clock(record: Record, sample_interval: float) -> None:
     entries = zip(record.command.T, record.done.T, strict=True)
     onsets = [onset for entry in entries for onset in _onsets(*entry)]
     onset = float(np.median(onsets)) if onsets else 0.0
+    # measurements show an onset up to half of their interval too early
     if onset < -(EARLIEST_MOTION + 0.5 * sample_interval):
         raise InvalidInputError(
             f"log: after rests the robot moves {-onset:.2f} s before it is commanded to, expected "
@@ -150,10 +146,7 @@ def _most_correlated_delay(commanded: Array, done: Array, longest: int) -> int:
 
 
 def _onsets(commanded: Array, done: Array) -> list[float]:
-    """Return how long after its command each motion from rest begins, negative if before [s].
-
-    Rests are left out after which the command is small, or in which noise hides the motion.
-    """
+    """Return how long after its command each clear motion from rest begins [s]."""
     rest, half_rest = round(REST_TIME / CONTROL_DT), round(0.5 * REST_TIME / CONTROL_DT)
     window = round(ONSET_SMOOTHING / CONTROL_DT)
     command = np.abs(commanded)

@@ -19,10 +19,8 @@ COMMAND_COLUMNS = ("cmd_vx", "cmd_vy", "cmd_w")  # [m/s, rad/s]; differential dr
 POSE_COLUMNS = ("x", "y", "yaw")  # [m, rad]
 TWIST_COLUMNS = ("vx", "vy", "w")  # [m/s, rad/s]; differential drives need no vy
 ALL_COLUMNS = ("time", *COMMAND_COLUMNS, *POSE_COLUMNS, *TWIST_COLUMNS)
-
 SHORTEST_LOG = 20.0  # [s]
 LONGEST_GAP, LONGEST_MEDIAN_GAP = 1.0, 0.2  # between two measurements [s]
-
 HOW_TO_DRIVE = (
     "drive for 40 s, at the greatest speeds: 3 s ahead, 2 s zero, 3 s back, 2 s zero, the "
     "same sideways where it can, 3 s of turning left, 3 s right, then another mix of all entries, "
@@ -38,11 +36,7 @@ class Log(NamedTuple):
     time: Array  # (n,) of the measurements [s]
     pose: Array  # (n, 3) [m, rad]; NaN where there is none
     twist: Array  # (n, 3) [m/s, rad/s]; NaN where there is none
-
-    @property
-    def command_names(self) -> tuple[str, ...]:
-        """The columns of the commands' entries: three, or two of a differential drive."""
-        return COMMAND_COLUMNS if self.commands.shape[1] == 3 else ("cmd_vx", "cmd_w")
+    command_names: tuple[str, ...]  # (k,) the columns of the commands
 
 
 def read(path: Path) -> Log:
@@ -120,18 +114,15 @@ def _split(columns: dict[str, Array], command_columns: tuple[str, ...]) -> Log:
         measured = np.flatnonzero(np.isfinite(pose).all(axis=1))
     is_new = np.diff(time[measured], prepend=-math.inf) > 0.0
     measured = measured[is_new]  # a measurement that is written twice counts once
-    return Log(
-        time[commanded], commands[commanded], time[measured], pose[measured], twist[measured]
-    )
+    pose, twist, time_measured = pose[measured], twist[measured], time[measured]
+    return Log(time[commanded], commands[commanded], time_measured, pose, twist, command_columns)
 
 
 def _check_times(log: Log) -> None:
     """Refuse logs that are too short, too sparse, or of two clocks that do not meet."""
     if len(log.time) < 3 or len(log.commands) < 2:
-        raise InvalidInputError(
-            f"log: got {len(log.commands)} commands and {len(log.time)} measurements; "
-            f"{HOW_TO_DRIVE}"
-        )
+        counts = f"{len(log.commands)} commands and {len(log.time)} measurements"
+        raise InvalidInputError(f"log: got {counts}; {HOW_TO_DRIVE}")
     start, end = log.time[0], log.time[-1]
     first, last = log.command_times[0], log.command_times[-1]
     if first > end or last < start:
@@ -147,8 +138,8 @@ def _check_times(log: Log) -> None:
     if gaps.max() > LONGEST_GAP or np.median(gaps) > LONGEST_MEDIAN_GAP:
         raise InvalidInputError(
             f"log: got {gaps.max():.3g} s without a measurement, and {np.median(gaps):.3g} s "
-            "between two in the median, expected at most "
-            f"{LONGEST_GAP:g} and {LONGEST_MEDIAN_GAP:g} s"
+            f"between two in the median, expected at most {LONGEST_GAP:g} and "
+            f"{LONGEST_MEDIAN_GAP:g} s"
         )
 
 

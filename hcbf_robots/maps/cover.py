@@ -68,9 +68,8 @@ class Cover(NamedTuple):
         new_index = np.where(near, -1, np.cumsum(~near) - 1).astype(np.int32)
         owner = np.append(new_index, np.int32(-1))[self.owner]  # −1 reads the appended −1
         kept_corners, kept_sizes = self.corners[~near], self.sizes[~near]
-        corners, sizes = _core.cover_cells(
-            cells, (row, column, end_row, end_column), owner, len(kept_sizes)
-        )
+        changed = (row, column, end_row, end_column)
+        corners, sizes = _core.cover_cells(cells, changed, owner, len(kept_sizes))
         corners, sizes = (
             np.concatenate([kept_corners, corners]),
             np.concatenate([kept_sizes, sizes]),

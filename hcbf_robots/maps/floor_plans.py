@@ -18,7 +18,6 @@ from hcbf_robots.maps.ranked_map import RankedMap
 
 NAMES = ("flat", "office", "warehouse")
 FOLDER = Path(__file__).parent / "plans"
-
 SLOW = 0.5  # speed limit in the plans' slow zones [m/s]
 CLEAR = 0.7  # distance of the path from start to goal to everything but speed zones [m]
 APART = 3.0  # least distance between start and goal, where the map has such places [m]

@@ -113,8 +113,7 @@ class RankedMap(Floor):
                 range, or every cell is strict.
         """
         masks = {} if masks is None else masks
-        grid, classes = reading.read(file, masks, rank, unknown, margin)
-        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))
+        return cls(*reading.read(file, masks, rank, unknown, margin))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -255,12 +254,9 @@ class RankedMap(Floor):
         """(4, 8, 2) columns and rows of four rectangles around the grid, beyond `FARTHEST`."""
         (rows, columns), far = self.grid.shape, 4.0 * FARTHEST / self.grid.resolution
         right, top = columns + far, rows + far
-        rectangles = np.array([
-            (-far, -far, 0.0, top),
-            (columns, -far, right, top),
-            (-far, -far, right, 0.0),
-            (-far, rows, right, top),
-        ])  # fmt: skip
+        left_and_right = [(-far, -far, 0.0, top), (columns, -far, right, top)]
+        below_and_above = [(-far, -far, right, 0.0), (-far, rows, right, top)]
+        rectangles = np.array(left_and_right + below_and_above)
         corners = np.zeros((4, 8, 2))
         corners[:, :4, 0] = rectangles[:, [0, 2, 2, 0]]
         corners[:, :4, 1] = rectangles[:, [1, 1, 3, 3]]

@@ -18,14 +18,12 @@ from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.maps.regrid import onto
 
 _LOGGER = logging.getLogger("hcbf_robots.maps")
-
 DEFAULTS: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}  # of `RankedMap.load`
 
 FREE_BELOW, OCCUPIED_ABOVE = 25, 65
 """Occupancies [%]: cells of a map between both are unknown. In a mask all from 25 on counts."""
 
 MASK_FIELDS = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
-
 MOST_LIMITS = 16  # speed limits in one mask, each of which becomes a class
 
 
@@ -36,32 +34,20 @@ def log(file: str | Path, raster: Raster) -> None:
     _LOGGER.info("map %s: %d cells free, %d occupied, %d unknown", file, free, occupied, unknown)
 
 
-def source(
-    file: str | Path,
-    masks: Mapping[str, object] | None,
-    rank: int,
-    unknown: int | None,
-    margin: float,
-) -> dict[str, object]:
-    """Return the dict from which `RankedMap.from_dict` reads the same files, without defaults."""
-    options = {"rank": rank, "unknown": unknown, "margin": margin}
-    described: dict[str, object] = {"file": str(file)}
-    if masks:
-        described["masks"] = records.plain(masks)
-    described |= {name: value for name, value in options.items() if value != DEFAULTS[name]}
-    return described
-
-
 def read(
     file: str | Path,
     masks: Mapping[str, object],
     rank: int,
     unknown: int | None,
     margin: float,
-) -> tuple[Grid, tuple[MapClass, ...]]:
-    """Read a map and its masks, and log the map's cells; `RankedMap.load` has the arguments."""
+) -> tuple[Grid, tuple[MapClass, ...], dict[str, object]]:
+    """Return the fields of a `RankedMap` from its files: the grid, the classes and the source.
+
+    The numbers of the map's cells are logged. `RankedMap.load` has the arguments.
+    """
     if not isinstance(file, str | Path) or not str(file):
         raise InvalidInputError(f"map: file: got {shown(file)}, expected the path of a YAML file")
+    source: dict[str, object] = {"file": str(file)}
     file = records.expanded("map: file", str(file))
     raster = nav2.read(file)
     classes = of_map(raster, rank, unknown, margin)
@@ -78,7 +64,11 @@ def read(
             "see negate and the thresholds, or unknown=None"
         )
     log(file, raster)
-    return raster.grid, tuple(classes)
+    if masks:
+        source["masks"] = records.plain(masks)
+    options = {"rank": rank, "unknown": unknown, "margin": margin}
+    source |= {name: value for name, value in options.items() if value != DEFAULTS[name]}
+    return raster.grid, tuple(classes), source
 
 
 def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:

@@ -12,15 +12,10 @@ MOST_POINTS = 2_000_000  # that are transformed at once, to bound the memory
 
 
 def onto(grid: Grid, cells: Mask, source: Grid) -> tuple[Mask, bool]:
-    """Return the cells of a grid that occupied cells of another grid meet.
+    """Return the cells of a grid that cells of another grid meet, and whether some are outside it.
 
-    As in Nav2 a cell is met whose centre is in an occupied cell. So is every cell that an occupied
-    one overlaps, because no part of a strict cell may be entered.
-
-    Args:
-        grid: of the cells (rows, columns) that are returned, with whether some are outside of it.
-        cells: (rows, columns) which cells of `source` are occupied.
-        source: the grid of these cells.
+    As in Nav2 a cell is met whose centre is in one of `cells`, which are of the grid `source`. So
+    is every cell that one of them overlaps, because no part of a strict cell may be entered.
     """
     if grid == source:
         return cells, False

@@ -98,14 +98,9 @@ class Scan(Several):
         object.__setattr__(self, "points", points)
         pieces = self._pieces(self.noise + self.period * self.speed)
         seen = SeenRegion(
-            self.name,
-            self.rank,
-            pieces=pieces,
-            margin=self.reserved,
-            stamp=self.stamp,
-            period=self.period,
-            speed=self.speed,
-        )
+            self.name, self.rank, pieces=pieces, margin=self.reserved,
+            stamp=self.stamp, period=self.period, speed=self.speed,
+        )  # fmt: skip
         object.__setattr__(self, "_seen", seen)
 
     @property
@@ -141,8 +136,7 @@ def tolerance(noise: float) -> float:
 def reserved(noise: float, period: float, speed: float, margin: float) -> float:
     """Return m + 2 n + b + v T, the distance that a scan reserves around its pieces [m].
 
-    A point misses the surface by the noise n, and a piece misses the point by the tolerance n + b.
-    T is the period, v the speed and m the margin.
+    A point misses the surface by the noise n, and a piece misses the point by `tolerance`.
     """
     return margin + tolerance(noise) + (noise + period * speed)
 

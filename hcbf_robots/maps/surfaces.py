@@ -22,9 +22,7 @@ EDGE: float = _core.SURFACE_EDGE
 def pieces(points: Array, tolerance: float, depth: float) -> Array:
     """Return the corners (P, 4, 2) of rectangles along the surfaces, counter-clockwise [m].
 
-    Args:
-        points: (k, 2) in the sensor's axes, in the order in which its beam turns [m].
-        tolerance: distance between a point and its piece, at most [m].
-        depth: of the rectangles, away from the sensor [m].
+    The points (k, 2) are in the sensor's axes, in the order in which its beam turns, and within the
+    tolerance of a piece. The rectangles extend by the depth away from the sensor [m].
     """
     return _core.surface_pieces(points, tolerance, depth)

@@ -26,20 +26,13 @@ from hcbf_gym.errors import (
 from hcbf_gym.robots.body_points import radius, stand
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_robots import carts
-from hcbf_robots.walkers import walker_policy
+from hcbf_robots.walkers import walker_policy, walker_terms
 from hcbf_robots.walkers.mjcf_files import read_by
 from hcbf_robots.walkers.walker_model import Parts, indices, walker_spec
 from hcbf_robots.walkers.walker_parts import Action, Body, Command, Fall, Phase, Physics, spread
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_response import Response
-from hcbf_robots.walkers.walker_terms import (
-    Observer,
-    Source,
-    Term,
-    add_touch_sensors,
-    read_terms,
-    sensors_of,
-)
+from hcbf_robots.walkers.walker_terms import Term
 
 SLOWEST_PERIOD = 0.2  # of a controller [s]
 
@@ -121,9 +114,9 @@ class Walker:
 
     def spec(self) -> tuple[mujoco.MjSpec, Parts]:
         """Return the robot alone, as the contract changes it, and the names of its parts."""
-        sensors = sensors_of(self.observation)
+        sensors = walker_terms.sensors_of(self.observation)
         spec, parts = walker_spec(self.mjcf, self.body, self.action, self.physics, sensors)
-        add_touch_sensors(spec, self.observation)
+        walker_terms.add_touch_sensors(spec, self.observation)
         return spec, parts
 
     @cached_property
@@ -174,8 +167,8 @@ class Walker:
         count = len(parts.actuators)
         places, command = indices(model, parts), np.zeros(len(self.command.limits))
         phase, last_action = self.first_phase.copy(), np.zeros(count)
-        source = Source(model, data, parts, places, command, last_action, phase)
-        observer = Observer(self.observation, source)
+        source = walker_terms.Source(model, data, parts, places, command, last_action, phase)
+        observer = walker_terms.Observer(self.observation, source)
         controller = self.controller((observer.size, count), model)
         observation = observer.observe()
         try:
@@ -261,7 +254,7 @@ def _read(file: Path) -> Walker:
         mjcf=file.parent / _expanded(f"{what}: mjcf", texts["mjcf"]),
         policy=_expanded(f"{what}: policy", texts["policy"]),
         period=period,
-        observation=read_terms(data["observation"]),
+        observation=walker_terms.read_terms(data["observation"]),
         source=file,
         response=response,
         **sections,

@@ -17,7 +17,6 @@ HEADINGS = {
 }
 KINDS = {"position": "home + scale × action", "direct": "scale × action"}  # an actuator's input
 CONES = ("pyramidal", "elliptic")
-
 GREATEST_LIMIT = 20.0  # of a command [m/s, rad/s, m]; greater numbers are cm/s or degrees
 
 
@@ -173,14 +172,12 @@ class Physics:
         finite_float("physics: friction", self.friction, minimum=0.0, maximum=10.0, exclusive=True)
         if self.cone is not None:
             choose("cone", self.cone, dict.fromkeys(CONES))
-        for name, most in (("timestep", 0.02), ("impratio", 1e4)):
+        ranges = {"timestep": (1e-4, 0.02), "impratio": (1e-4, 1e4)}
+        ranges |= dict.fromkeys(("armature", "damping", "frictionloss"), (0.0, 1e3))
+        for name, (least, most) in ranges.items():
             value = getattr(self, name)
             if value is not None:
-                finite_float(f"physics: {name}", value, minimum=1e-4, maximum=most)
-        for name in ("armature", "damping", "frictionloss"):
-            value = getattr(self, name)
-            if value is not None:
-                finite_float(f"physics: {name}", value, minimum=0.0, maximum=1e3)
+                finite_float(f"physics: {name}", value, minimum=least, maximum=most)
 
 
 @dataclass(frozen=True)
