@@ -111,7 +111,7 @@ def analyse(
 
 
 def stop_of(run: Array, after: Array) -> Stop:
-    """Return a stop's numbers, from velocities (n, 2) until and (m, 2) after its command [m/s]."""
+    """Return a stop's numbers from the velocities (n, 2) of the run and (m, 2) after it [m/s]."""
     mean = run.mean(axis=0)
     length = float(np.hypot(*mean))
     direction = mean / length if length > 0.0 else mean

@@ -27,7 +27,7 @@ are at rest while they are commanded to go slowly."""
 
 
 class Runner:
-    """Drives a walker on an empty, flat floor by commands in its own axes; a seed draws them."""
+    """Drives a walker on an empty, flat floor, by given commands or by random ones of a seed."""
 
     def __init__(self, walker: Walker, seed: int):
         self.walker = walker

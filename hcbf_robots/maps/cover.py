@@ -61,19 +61,17 @@ class Cover(NamedTuple):
         high = np.where(is_corner[..., None], self.corners, -far).max(axis=1)
         near = (low <= (last_column + 1, last_row + 1)).all(axis=1)
         near &= (high >= (first_column - 1, first_row - 1)).all(axis=1)
-        ends = [(first_column, first_row), (last_column, last_row)]
-        bounds = np.vstack([low[near], high[near], ends])
+        window_corners = [(first_column, first_row), (last_column, last_row)]
+        bounds = np.vstack([low[near], high[near], window_corners])
         column, row = bounds.min(axis=0).tolist()
         end_column, end_row = bounds.max(axis=0).tolist()
         new_index = np.where(near, -1, np.cumsum(~near) - 1).astype(np.int32)
-        owner = np.append(new_index, np.int32(-1))[self.owner]  # −1 reads the appended −1
+        owner = np.append(new_index, np.int32(-1))[self.owner]  # index −1 reads the appended −1
         kept_corners, kept_sizes = self.corners[~near], self.sizes[~near]
         changed = (row, column, end_row, end_column)
-        corners, sizes = _core.cover_cells(cells, changed, owner, len(kept_sizes))
-        corners, sizes = (
-            np.concatenate([kept_corners, corners]),
-            np.concatenate([kept_sizes, sizes]),
-        )
+        new_corners, new_sizes = _core.cover_cells(cells, changed, owner, len(kept_sizes))
+        corners = np.concatenate([kept_corners, new_corners])
+        sizes = np.concatenate([kept_sizes, new_sizes])
         return type(self)(corners, sizes, owner)._checked()
 
     def grown(self) -> Array:

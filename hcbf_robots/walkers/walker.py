@@ -28,7 +28,7 @@ from hcbf_gym.robots.reader import compile_spec
 from hcbf_robots import carts
 from hcbf_robots.walkers import walker_policy, walker_terms
 from hcbf_robots.walkers.mjcf_files import read_by
-from hcbf_robots.walkers.walker_model import Parts, indices, walker_spec
+from hcbf_robots.walkers.walker_model import FREE_JOINT_SIZE, Parts, indices, walker_spec
 from hcbf_robots.walkers.walker_parts import Action, Body, Command, Fall, Phase, Physics, spread
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_response import Response
@@ -135,7 +135,7 @@ class Walker:
         """Return (k,) the offsets of the output: home of the joints `at` (k,) in qpos, or zeros."""
         if self.action.kind == "direct":
             return np.zeros(len(parts.actuators))
-        return parts.home[at - 7]
+        return parts.home[at - FREE_JOINT_SIZE]
 
     def controller(self, sizes: tuple[int, int], model: mujoco.MjModel) -> Controller:
         """Return the controller for one episode.

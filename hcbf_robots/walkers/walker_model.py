@@ -15,6 +15,7 @@ from hcbf_gym.robots.reader import actuator_limit, check_alone, compile_spec, lo
 from hcbf_robots.walkers.walker_parts import Action, Body, Physics, spread
 
 _SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+FREE_JOINT_SIZE = 7  # entries of the free joint in qpos, before those of the other joints
 _LAST_VISIBLE_GROUP = 2  # MuJoCo draws the groups 0, 1 and 2 of geoms
 
 
@@ -153,7 +154,7 @@ def _at_joints(model: mujoco.MjModel) -> dict[int, int]:
 
 def _home(model: mujoco.MjModel, action: Action, joints: tuple[str, ...]) -> Array:
     """Return (j,) the start position of every hinge and slide, in the file's order."""
-    home = np.array(model.qpos0[7:])
+    home = np.array(model.qpos0[FREE_JOINT_SIZE:])
     if len(home) != model.njnt - 1:
         raise RobotModelError("mjcf: got a ball joint, expected hinges and slides alone")
     if action.home is None:
@@ -170,7 +171,7 @@ def _home(model: mujoco.MjModel, action: Action, joints: tuple[str, ...]) -> Arr
             raise InvalidInputError(
                 f"action: home: got {value} for {name!r}, expected from {low:g} to {high:g}"
             )
-        home[model.jnt_qposadr[joint] - 7] = value
+        home[model.jnt_qposadr[joint] - FREE_JOINT_SIZE] = value
     return home
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from hcbf_gym import records
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
-from hcbf_robots.walkers.walker_model import Indices, Parts, as_slice
+from hcbf_robots.walkers.walker_model import FREE_JOINT_SIZE, Indices, Parts, as_slice
 from hcbf_robots.walkers.walker_parts import names, numbers, spread
 
 TOUCH_FORCE = 5.0  # the least force with which a body counts as touched [N]
@@ -179,7 +179,7 @@ def _linear_velocity(source: Source, options: Options) -> Reading:
 def _joints(source: Source, options: Options) -> Reading:
     _check_has_joints("joints", source)
     indices, qpos = source.indices.q, source.data.qpos
-    home, driven = source.parts.home[indices - 7], as_slice(indices)
+    home, driven = source.parts.home[indices - FREE_JOINT_SIZE], as_slice(indices)
     return Reading(len(indices), lambda out: np.subtract(qpos[driven], home, out))
 
 
@@ -209,7 +209,7 @@ def _phase(source: Source, options: Options) -> Reading:
 
 
 def _state(source: Source, options: Options) -> Reading:
-    nq = 7 + len(source.parts.home)
+    nq = FREE_JOINT_SIZE + len(source.parts.home)
     qpos, qvel = source.data.qpos[:nq], source.data.qvel[: nq - 1]
     return Reading(2 * nq - 1, lambda out: np.concatenate((qpos, qvel), out=out))
 
