@@ -105,7 +105,7 @@ def analyse(
         braking=round(float(np.median([stop.deceleration for stop in stops])), 2),
         falls=record.falls + sum(creep.falls for creep in creeping),
         seconds=round(len(record.command) * CONTROL_DT, 2) if seconds is None else seconds,
-        lasting=round(max(_lasting(command, fits, one) for one in (record, *creeping)), 4),
+        lasting=round(max(_lasting(command, fits, drive) for drive in (record, *creeping)), 4),
     )
     return Identified(response, record, fits)
 

@@ -54,8 +54,8 @@ def identify_log(
     log_checks.check_degrees(record)
     stops = _stops(record, command)
     slewed = record._replace(command=_slewed_commands(record))
-    candidates = [analyse(command, one, stops) for one in (record, slewed)]
-    best = min(candidates, key=lambda one: one.response.residual[1])
+    candidates = [analyse(command, drive, stops) for drive in (record, slewed)]
+    best = min(candidates, key=lambda fitted: fitted.response.residual[1])
     # the runs of a log begin at speed, so that no rise was measured
     rise = round(RISE_TIME_CONSTANTS * best.response.time_constant, 3)
     return best._replace(response=replace(best.response, rise=rise)), command
@@ -124,7 +124,7 @@ def _stops(record: Record, command: Command) -> list[Stop]:
     speed = np.abs(record.command[:, 0]) if command.look_ahead is not None else commanded
     is_fast = speed >= FAST_SHARE * speed.max()
     is_still = commanded <= STILL_SHARE * speed.max()
-    run, stop, ramp = (round(one / CONTROL_DT) for one in (RUN_TIME, STOP_TIME, LONGEST_RAMP))
+    run, stop, ramp = (round(time / CONTROL_DT) for time in (RUN_TIME, STOP_TIME, LONGEST_RAMP))
     stops = []
     for end in range(run, len(commanded) - stop - ramp):
         if is_fast[end] or not is_fast[end - run : end].all():

@@ -92,8 +92,8 @@ def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tup
 def speed_row(cap: float, reserved: float, is_own: bool) -> float:
     """Return v_max of the row of the speed limit [m/s].
 
-    If the robot's own motors set the cap [m/s], the row must still permit the greatest command. So
-    it exceeds the cap by the reserved speed m [m/s]: ``v_max = m + √(m² + cap²)``.
+    If the robot's own motors set the cap [m/s], the row must still permit the greatest command
+    after it has reserved the speed m [m/s]. That needs ``v_max = m + √(m² + cap²)``.
 
     Raises:
         InvalidInputError: if the row leaves no speed.
