@@ -1,6 +1,6 @@
 """Robots that accept velocities: the filter around them, walkers, carts, maps, and a ROS 2 node.
 
-Importing it registers ``HCBF-WalkerRegions-v0``, maps as scenes, and the floor plans that ship.
+The import registers ``HCBF-WalkerRegions-v0``, maps as scenes, and the floor plans as scenes.
 """
 
 from collections.abc import Mapping
@@ -36,8 +36,8 @@ def __dir__() -> list[str]:
 
 
 def _files(options: Mapping[str, Any]) -> list[Path]:
-    """Return the files of a walker's contract."""
-    from hcbf_robots.walkers.walker import Walker  # MuJoCo, only where one runs
+    """Return the files that define the walker of an environment with these options."""
+    from hcbf_robots.walkers.walker import Walker  # imports MuJoCo, so not with the package
 
     return Walker.load(options["robot"]).files
 

@@ -1,4 +1,4 @@
-"""The commands for real robots, which the entry points of `hcbf.commands` name."""
+"""The commands for robots, which the entry point `hcbf.commands` adds to `hcbf`."""
 
 from hcbf_gym.arguments import Subcommand
 

@@ -1,4 +1,4 @@
-"""Two carts that need no policy of anybody's: what turns their commands into motion."""
+"""Two simulated carts, and the controllers that turn their commands into actuators' inputs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,18 +8,18 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 
-FOLDER = Path(__file__).parent  # where the carts' contracts and files are
+FOLDER = Path(__file__).parent  # of the carts' contracts, MJCF files and responses
 
-WHEEL_RADIUS = 0.1  # of the differential cart [m]
-HALF_TRACK = 0.17  # half of the distance between its wheels [m]
+WHEEL_RADIUS = 0.1  # r, of the differential cart [m]
+HALF_TRACK = 0.17  # b, half of the distance between its wheels [m]
 
 
 def differential(model: mujoco.MjModel, period: float) -> Callable[[Array], Array]:
-    """Return what turns (v, ω) into the rates of the left and the right wheel, (v ∓ ω b)/r."""
-    mix = np.array([[1.0, -HALF_TRACK], [1.0, HALF_TRACK]]) / WHEEL_RADIUS
-    return lambda command: mix @ command
+    """Return a controller: (v, ω) → rates (v ∓ ω b)/r of the left and the right wheel [rad/s]."""
+    rates_of = np.array([[1.0, -HALF_TRACK], [1.0, HALF_TRACK]]) / WHEEL_RADIUS
+    return lambda command: rates_of @ command
 
 
 def holonomic(model: mujoco.MjModel, period: float) -> Callable[[Array], Array]:
-    """Return what hands (v_x, v_y, ω) to the base's own servos."""
+    """Return a controller that passes (v_x, v_y, ω) to the velocity servos of the base."""
     return lambda command: command.copy()

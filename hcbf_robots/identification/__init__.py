@@ -1,1 +1,1 @@
-"""How a walker follows the velocities that it is commanded, measured."""
+"""Identification: measures how a robot follows the velocities that it is commanded."""

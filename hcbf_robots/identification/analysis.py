@@ -1,10 +1,12 @@
-r"""The numbers of a `Response`, from a robot's commands and its motion.
+r"""The numbers of a `Response`, fitted to a robot's commands and its motion.
 
-.. math:: τ \dot v = g\, c(t - δ) - v
+Every entry of the motion is taken to follow its entry of the command by
 
-For every τ and δ of a grid the response to the commands is simulated with g = 1; the best g is then
-a ratio of sums. The pair with the least squares is taken: a gait's oscillation does not bias it, as
-nothing measured is fed back.
+.. math:: τ \dot v = g\, c(t - δ) - v.
+
+For every τ and δ of a grid the response to the commands is simulated with g = 1. The best g is then
+a ratio of sums. The fit with the least squares is taken. A gait's oscillation does not bias it,
+because the simulation uses no measurement.
 """
 
 from collections.abc import Sequence
@@ -16,51 +18,52 @@ from scipy.signal import lfilter
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_robots.walkers.motion_monitor import SHARE
+from hcbf_robots.walkers.motion_monitor import MEASURED_SHARE
 from hcbf_robots.walkers.walker_parts import Command
-from hcbf_robots.walkers.walker_response import LASTING, Response
+from hcbf_robots.walkers.walker_response import AVERAGING_TIME, Response
 
-TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)  # those that are tried [s]
-LONGEST_DELAY = 0.3  # that is tried [s]
-QUANTILES = (50.0, 95.0, 99.9)  # of the residual [%]
+TIME_CONSTANTS = np.geomspace(0.01, 1.0, 60)  # the grid of τ [s]
+LONGEST_DELAY = 0.3  # end of the grid of δ [s]
+RESIDUAL_QUANTILES = (50.0, 95.0, 99.9)  # of `Response.residual` [%]
+ALMOST_ALWAYS = 99.9  # the quantile that counts as the maximum [%]
 
-FAST = 0.6  # share of the greatest speed that was commanded from which on the robot is fast
-RECENT = 1.0  # how far back a greater command excuses a speed [s]
+FAST_SHARE = 0.6  # share of the greatest commanded speed from which on the robot is fast
+OVERSHOOT_WINDOW = 1.0  # commands of this last time are compared with the speed [s]
 
 
 class Record(NamedTuple):
-    """What was commanded and done, in the axes of commands."""
+    """The commands of a drive and the robot's motion, every `CONTROL_DT`, in the commands' axes."""
 
     command: Array  # (n, k) commanded from each sample on [m/s, rad/s]
-    # (n, k) at each sample; of a differential drive the point's velocity in the robot's axes comes
-    # first, then the turning rate
+    # (n, k) the motion at each sample; of a differential drive v_x and ω + v_y/ℓ of its axle, the
+    # exact command for the velocity that the point at ℓ had
     done: Array
-    falls: int = 0  # how often the robot fell, and started again
+    falls: int = 0  # how often the robot fell and was put back to the start
 
 
 class Fit(NamedTuple):
-    """One axis."""
+    """The first-order response that fits one entry of the command best."""
 
     gain: float  # g
     time_constant: float  # τ [s]
     delay: float  # δ [s]
-    predicted: Array  # (n,) what the model makes of the commands
+    predicted: Array  # (n,) the motion that the response predicts from the commands
 
 
 class Stop(NamedTuple):
-    """A stop from a run."""
+    """The numbers of one run from rest to full speed and back to rest."""
 
-    distance: float  # that the robot went on [m]
+    distance: float  # path after the command has become zero [m]
     deceleration: float  # from 90 to 10 % of the speed [m/s²]
-    rise: float  # of the run's beginning, from 10 to 90 % [s]
+    rise: float  # from 10 to 90 % of the speed, as the run begins [s]
 
 
 class Identified(NamedTuple):
-    """What was measured, and what it was measured from."""
+    """A robot's response, and the record and fits from which it was computed."""
 
-    response: Response  # the numbers
+    response: Response
     record: Record  # under commands that change
-    fits: tuple[Fit, ...]  # of every entry of the command
+    fits: tuple[Fit, ...]  # (k,) one for each entry of the command
 
 
 def analyse(
@@ -70,125 +73,124 @@ def analyse(
     creeping: Sequence[Record] = (),
     seconds: float | None = None,
 ) -> Identified:
-    """Return how a robot follows.
+    """Return the response that explains a robot's drives.
 
     Args:
-        command: its limits.
-        record: under commands that change.
-        stops: from runs, one at least.
-        creeping: records of commands that grow slowly.
-        seconds: how long it counts as observed [s]; None for the record's length.
+        command: limits of the robot's commands.
+        record: a drive under commands that change.
+        stops: one or more stops from full speed.
+        creeping: drives under commands that grow slowly.
+        seconds: the observed time that the response states [s]; None for the record's length.
     """
     fits = tuple(
-        fit(record.command[:, k], record.done[:, k], CONTROL_DT)
-        for k in range(record.command.shape[1])
+        fit(commanded, done, CONTROL_DT)
+        for commanded, done in zip(record.command.T, record.done.T, strict=True)
     )
-    moving = fits if command.look_ahead is not None else fits[:2]
-    slowest = max(moving, key=lambda one: one.time_constant + one.delay)
-    follows = slowest.time_constant + slowest.delay
-    left = command.in_plane(record.done) - _predicted(command, fits, record)
-    lasting = max(_lasting(command, fits, one) for one in (record, *creeping))
-    commanded = command.in_plane(record.command * np.array([one.gain for one in fits]))
-    quantiles = np.percentile(np.hypot(*left.T), QUANTILES)
+    translating = fits if command.look_ahead is not None else fits[:2]
+    slowest = max(translating, key=lambda one: one.time_constant + one.delay)
+    residual = command.in_plane(record.done) - _predicted(command, fits, record)
+    quantiles = np.percentile(np.hypot(*residual.T), RESIDUAL_QUANTILES)
     half, often, nearly_always = (round(float(value), 4) for value in quantiles)
+    follows = slowest.time_constant + slowest.delay
+    deviations = np.hypot(*_window_integrals(residual, follows).T)
     response = Response(
         gain=tuple(round(one.gain, 3) for one in fits),
         time_constant=round(slowest.time_constant, 3),
         delay=round(slowest.delay, 3),
         residual=(half, often, nearly_always),
-        deviation=round(float(np.percentile(_strays(left, follows), QUANTILES[-1])), 4),
-        overshoot=round(_overshoot(command, commanded, record), 4),
-        rise=round(float(np.median([one.rise for one in stops])), 3),
-        stopping=round(max(one.distance for one in stops), 3),
-        braking=round(float(np.median([one.deceleration for one in stops])), 2),
-        falls=record.falls + sum(one.falls for one in creeping),
+        deviation=round(float(np.percentile(deviations, ALMOST_ALWAYS)), 4),
+        overshoot=round(_overshoot(command, fits, record), 4),
+        rise=round(float(np.median([stop.rise for stop in stops])), 3),
+        stopping=round(max(stop.distance for stop in stops), 3),
+        braking=round(float(np.median([stop.deceleration for stop in stops])), 2),
+        falls=record.falls + sum(creep.falls for creep in creeping),
         seconds=round(len(record.command) * CONTROL_DT, 2) if seconds is None else seconds,
-        lasting=round(lasting, 4),
+        lasting=round(max(_lasting(command, fits, drive) for drive in (record, *creeping)), 4),
     )
     return Identified(response, record, fits)
 
 
 def stop_of(run: Array, after: Array) -> Stop:
-    """Return how a run ended, by velocities (n, 2) in it and (m, 2) from its end on [m/s]."""
-    ahead = run.mean(axis=0)
-    length = float(np.hypot(*ahead))
-    along = ahead / length if length > 0.0 else ahead
-    up, down = run @ along, after @ along
-    ran = float(up[len(up) // 2 :].mean())
-    seconds = max(_first(down < 0.1 * ran) - _first(down < 0.9 * ran), 1) * CONTROL_DT
-    rise = max(_first(up > 0.9 * ran) - _first(up > 0.1 * ran), 1) * CONTROL_DT
-    return Stop(float(down.clip(0.0).sum()) * CONTROL_DT, 0.8 * ran / seconds, rise)
+    """Return a stop's numbers from the velocities (n, 2) of the run and (m, 2) after it [m/s]."""
+    mean = run.mean(axis=0)
+    length = float(np.hypot(*mean))
+    direction = mean / length if length > 0.0 else mean
+    up, down = run @ direction, after @ direction
+    full_speed = float(up[len(up) // 2 :].mean())
+    rise = max(_first_sample(up > 0.9 * full_speed) - _first_sample(up > 0.1 * full_speed), 1)
+    fall = max(_first_sample(down < 0.1 * full_speed) - _first_sample(down < 0.9 * full_speed), 1)
+    return Stop(
+        distance=float(down.clip(0.0).sum()) * CONTROL_DT,
+        deceleration=0.8 * full_speed / (fall * CONTROL_DT),
+        rise=rise * CONTROL_DT,
+    )
+
+
+def _first_sample(holds: NDArray[np.bool_]) -> int:
+    """Return the index of the first true sample, or the number of samples if none is true."""
+    return int(holds.argmax()) if holds.any() else len(holds)
 
 
 def _predicted(command: Command, fits: tuple[Fit, ...], record: Record) -> Array:
-    """Return (n, 2) the velocity that the response makes of commands [m/s]."""
+    """Return (n, 2) the velocity in the plane that the fits predict from the commands [m/s]."""
     entries = [
-        one.gain * respond(late(commanded, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
-        for one, commanded in zip(fits, record.command.T, strict=True)
+        one.gain * respond(delayed(given, one.delay, CONTROL_DT), one.time_constant, CONTROL_DT)
+        for one, given in zip(fits, record.command.T, strict=True)
     ]
     return command.in_plane(np.column_stack(entries))
 
 
+def _window_integrals(rates: Array, seconds: float) -> Array:
+    """Return the integrals of rates (n, …) over every window of this length."""
+    window = max(1, round(seconds / CONTROL_DT))
+    integral = np.concatenate([np.zeros_like(rates[:1]), rates.cumsum(axis=0)]) * CONTROL_DT
+    return integral[window:] - integral[:-window]
+
+
 def _lasting(command: Command, fits: tuple[Fit, ...], record: Record) -> float:
-    """Return what lasts of the residual beyond a share of the motion, in 99.9 % of it [m/s]."""
+    """Return the part of the residual that does not average out, see `Response.lasting` [m/s]."""
     predicted = _predicted(command, fits, record)
-    left = command.in_plane(record.done) - predicted
-    excess = _strays(left, LASTING) - SHARE * _moved(predicted, LASTING)
-    return max(0.0, float(np.percentile(excess, QUANTILES[-1]))) / LASTING
+    residual = command.in_plane(record.done) - predicted
+    deviations = np.hypot(*_window_integrals(residual, AVERAGING_TIME).T)
+    paths = _window_integrals(np.hypot(*predicted.T), AVERAGING_TIME)
+    excess = float(np.percentile(deviations - MEASURED_SHARE * paths, ALMOST_ALWAYS))
+    return max(0.0, excess) / AVERAGING_TIME
 
 
-def _first(holds: NDArray[np.bool_]) -> int:
-    """Return the first sample at which something holds, or how many there are."""
-    return int(holds.argmax()) if holds.any() else len(holds)
-
-
-def _strays(left: Array, seconds: float) -> Array:
-    """Return (n,) how far position strays from the model's within so many seconds [m]."""
-    steps = max(1, round(seconds / CONTROL_DT))
-    path = np.concatenate([np.zeros((1, 2)), left.cumsum(axis=0)]) * CONTROL_DT
-    return np.hypot(*(path[steps:] - path[:-steps]).T)
-
-
-def _moved(velocity: Array, seconds: float) -> Array:
-    """Return (n,) how long the path is within so many seconds [m]."""
-    steps = max(1, round(seconds / CONTROL_DT))
-    path = np.concatenate([[0.0], np.hypot(*velocity.T).cumsum()]) * CONTROL_DT
-    return path[steps:] - path[:-steps]
-
-
-def _overshoot(command: Command, commanded: Array, record: Record) -> float:
-    """Return by how much the speed exceeds recent commands, in 99.9 % of the time [m/s]."""
-    back = round(RECENT / CONTROL_DT)
-    asked = np.concatenate([np.zeros(back), np.hypot(*commanded.T)])
-    recent = np.lib.stride_tricks.sliding_window_view(asked, back + 1).max(axis=1)
+def _overshoot(command: Command, fits: tuple[Fit, ...], record: Record) -> float:
+    """Return by how much the fast robot exceeds its recent commands, times their gains [m/s]."""
+    scaled = command.in_plane(record.command * np.array([one.gain for one in fits]))
+    earlier = round(OVERSHOOT_WINDOW / CONTROL_DT)
+    speeds = np.concatenate([np.zeros(earlier), np.hypot(*scaled.T)])
+    recent = np.lib.stride_tricks.sliding_window_view(speeds, earlier + 1).max(axis=1)
     excess = (np.hypot(*command.in_plane(record.done).T) - recent).clip(0.0)
-    return float(np.percentile(excess[recent >= FAST * recent.max()], QUANTILES[-1]))
+    return float(np.percentile(excess[recent >= FAST_SHARE * recent.max()], ALMOST_ALWAYS))
 
 
 def fit(command: Array, measured: Array, period: float) -> Fit:
-    """Return the response that explains what was measured (n,) best, by commands (n,) held each."""
-    best, least = None, np.inf
+    """Return the response with the least squares, for commands (n,) held for a period [s] each."""
+    best, least_error = None, np.inf
     for steps in range(round(LONGEST_DELAY / period) + 1):
-        commanded = late(command, steps * period, period)
+        late_command = delayed(command, steps * period, period)
         for tau in TIME_CONSTANTS:
-            unit = respond(commanded, float(tau), period)
+            unit = respond(late_command, float(tau), period)
             power = float(unit @ unit)
             gain = float(unit @ measured) / power if power > 0.0 else 0.0
-            left = measured - gain * unit
-            error = float(left @ left)
-            if error < least:
-                best, least = Fit(gain, float(tau), steps * period, gain * unit), error
+            residual = measured - gain * unit
+            error = float(residual @ residual)
+            if error < least_error:
+                best, least_error = Fit(gain, float(tau), steps * period, gain * unit), error
     assert best is not None
     return best
 
 
-def late(command: Array, delay: float, period: float) -> Array:
-    """Return (n,) the commands as they come after a delay [s], zero before."""
+def delayed(command: Array, delay: float, period: float) -> Array:
+    """Return (n,) the commands after a delay [s], with zeros before the first."""
     return np.concatenate([np.zeros(round(delay / period)), command])[: len(command)]
 
 
 def respond(command: Array, time_constant: float, period: float) -> Array:
-    """Return (n,) the first-order response to a held command, from rest."""
+    """Return (n,) the first-order response with gain 1 to held commands (n,), from rest."""
     keep = float(np.exp(-period / time_constant))
-    # what is commanded from sample k on shows at sample k + 1
+    # a command that is held from sample k on has its first effect at sample k + 1
     return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], command), dtype=np.float64)

@@ -1,7 +1,7 @@
-"""Floor plans: a flat, an office and a warehouse with zones, and ways through maps drawn at random.
+"""Floor plans (a flat, an office, a warehouse, with zones), and random starts and goals in maps.
 
-The plans are map files of Nav2, which `scripts/floor_plans.py` draws. A body of radius `CLEAR` gets
-from start to goal without entering anything: zones, too, leave a way.
+The plans are map files of Nav2, which `scripts/floor_plans.py` draws. A body of radius `CLEAR` can
+move from start to goal without entering anything but slow zones.
 """
 
 import json
@@ -18,50 +18,50 @@ from hcbf_robots.maps.ranked_map import RankedMap
 
 NAMES = ("flat", "office", "warehouse")
 FOLDER = Path(__file__).parent / "plans"
-
-SLOW = 0.5  # speed limit in the zones of the plans [m/s]
-CLEAR = 0.7  # what the way from start to goal leaves to everything but speed zones [m]
+SLOW = 0.5  # speed limit in the plans' slow zones [m/s]
+CLEAR = 0.7  # distance of the path from start to goal to everything but speed zones [m]
 APART = 3.0  # least distance between start and goal, where the map has such places [m]
-_TRIES = 16
+_GOAL_CANDIDATES = 16
 
 
 def through(floor: RankedMap, rng: np.random.Generator, start: Array, goal: Array) -> None:
-    """Draw another path through a map.
+    """Draw a start and a goal in a map, between which a path exists.
 
     Args:
         floor: the map.
-        rng: gives as many numbers for every path.
-        start: (2,) where the path's start is written [m].
-        goal: (2,) where its end is written [m].
+        rng: the source of randomness; every call takes the same number of draws.
+        start: (2,) overwritten with the start [m].
+        goal: (2,) overwritten with the goal [m].
     """
-    found = places(floor)
-    first, *others = found[rng.integers(len(found), size=1 + _TRIES)]
-    apart = np.linalg.norm(np.array(others) - first, axis=1)
-    far = np.flatnonzero(apart >= APART)
-    last = others[far[0] if far.size else int(np.argmax(apart))]
-    start[:], goal[:] = first, last
+    free = places(floor)
+    drawn = free[rng.integers(len(free), size=1 + _GOAL_CANDIDATES)]
+    candidates = drawn[1:]
+    distances = np.linalg.norm(candidates - drawn[0], axis=1)
+    far = np.flatnonzero(distances >= APART)
+    start[:] = drawn[0]
+    goal[:] = candidates[far[0] if far.size else int(np.argmax(distances))]
 
 
 def draw(plan: str, rng: np.random.Generator, scene: Any) -> None:
-    """Fill start and goal of a scene with another path through a plan, one of `NAMES`."""
+    """Draw start and goal of a scene in a plan, one of `NAMES`; see `through`."""
     through(load(plan), rng, scene.start, scene.goal)
 
 
 @cache
 def load(plan: str) -> RankedMap:
-    """Return a plan: occupied cells and what lies beyond the walls are strict, zones are not."""
+    """Return a plan as a map: occupied and unknown cells are strict (rank 1), zones are not."""
     slow: dict[str, object] = {"rank": 2, "kind": "speed", "limit": SLOW, "name": "slow"}
     masks: dict[str, int | dict[str, object]] = {
         f"{plan}_keepout.yaml": {"rank": 2, "name": "keepout"},
         f"{plan}_avoid.yaml": {"rank": 3, "name": "avoid"},
         f"{plan}_slow.yaml": slow,
     }
-    read = RankedMap.load(FOLDER / f"{plan}.yaml", masks)
-    return RankedMap(read.grid, read.classes)  # a scene that is saved holds cells, no paths
+    loaded = RankedMap.load(FOLDER / f"{plan}.yaml", masks)
+    return RankedMap(loaded.grid, loaded.classes)  # so that saved scenes have cells, not file names
 
 
 def described(data: object) -> RankedMap:
-    """Return the map that a plain dict describes, read and covered once."""
+    """Return the map that a plain dict describes; the same dict gives the same, cached map."""
     records.check_mapping("map", data)
     return _described(json.dumps(records.plain(data), sort_keys=True))
 
@@ -73,31 +73,34 @@ def _described(text: str) -> RankedMap:
 
 @lru_cache(maxsize=8)
 def places(floor: RankedMap) -> Array:
-    """Return (K, 2) the middles of cells where a body can be, all joined by paths [m]."""
+    """Return the centres (K, 2) of the largest connected area for a body of radius `CLEAR` [m]."""
     from scipy import ndimage
 
-    shut = np.zeros(floor.grid.shape, dtype=np.bool_)
-    for one in floor.classes:
-        shut |= one.cells & (one.kind != "speed")
-    joined: Any = np.zeros(shut.shape, dtype=np.int64)
-    ndimage.label(_clearance(shut, floor.grid.resolution) > CLEAR, output=joined)
-    if joined.any():
-        rows, columns = np.nonzero(joined == 1 + np.argmax(np.bincount(joined.ravel())[1:]))
-        found = floor.grid.to_world(np.column_stack([columns, rows]) + 0.5)
-        found.flags.writeable = False
-        return found
-    raise InvalidInputError(
-        f"map: got no cell that is {CLEAR} m from everything, expected room for start and goal"
-    )
+    closed = np.zeros(floor.grid.shape, dtype=np.bool_)
+    for region in floor.classes:
+        if region.kind != "speed":
+            closed |= region.cells
+    labels: Any = np.zeros(closed.shape, dtype=np.int64)  # 0 for no area
+    ndimage.label(_clearance(closed, floor.grid.resolution) > CLEAR, output=labels)
+    if not labels.any():
+        raise InvalidInputError(
+            f"map: got no cell that is {CLEAR} m from everything, expected room for start and goal"
+        )
+    largest = 1 + np.argmax(np.bincount(labels.ravel())[1:])
+    rows, columns = np.nonzero(labels == largest)
+    centres = floor.grid.to_world(np.column_stack([columns, rows]) + 0.5)
+    centres.flags.writeable = False
+    return centres
 
 
 def _clearance(cells: Mask, resolution: float) -> Array:
-    """Return (rows, columns) how far the middle of each cell is from occupied squares at least [m].
+    """Return (rows, columns) a lower bound on each centre's distance from occupied cells [m].
 
-    Beyond the map everything counts as occupied.
+    All outside the map counts as occupied. The transform measures between centres of cells, and an
+    occupied cell reaches half of its diagonal beyond its centre.
     """
     from scipy import ndimage
 
-    framed = np.pad(~cells, 1)
-    steps: Any = ndimage.distance_transform_edt(framed)
-    return resolution * (steps[1:-1, 1:-1] - np.sqrt(0.5))
+    free = np.pad(~cells, 1)
+    distances: Any = ndimage.distance_transform_edt(free)
+    return resolution * (distances[1:-1, 1:-1] - np.sqrt(0.5))

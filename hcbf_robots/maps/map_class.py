@@ -1,4 +1,4 @@
-"""What a class of a map's cells means."""
+"""A class of a map's cells: its meaning, its rank and its cells."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_float, s
 from hcbf_gym.models.constants import FARTHEST
 
 KINDS = ("keepout", "speed", "unknown")
-"""What a class of cells is: not to be entered, to be crossed slowly, or not known."""
+"""Kinds of classes: cells not to be entered, to be crossed slowly, or never seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,15 +18,15 @@ class MapClass:
     """Cells of one meaning and one rank.
 
     Args:
-        name: what messages, infos and figures call them.
+        name: of the class in messages, infos and figures.
         rank: 1 is the highest and strict.
         kind: "keepout", "speed" or "unknown", see `KINDS`.
         cells: (rows, columns) truth values, row 0 the lowest; copied, read-only.
-        limit: of the speed inside [m/s], for the kind "speed" alone.
-        margin: what is reserved around these cells besides the robot's own margins [m].
+        limit: greatest speed inside [m/s], of the kind "speed" alone.
+        margin: distance that is reserved around the cells besides the robot's own margins [m].
 
     Raises:
-        InvalidInputError: if one of them is none of these.
+        InvalidInputError: if an argument has another type or is out of range.
     """
 
     name: str
@@ -43,8 +43,8 @@ class MapClass:
             )
         label = f"map class {self.name!r}"
         choose(f"{label}: kind", self.kind, dict.fromkeys(KINDS))
-        integer = isinstance(self.rank, int | np.integer) and not isinstance(self.rank, bool)
-        if not integer or not 1 <= self.rank <= LOWEST_RANK:
+        is_integer = isinstance(self.rank, int | np.integer) and not isinstance(self.rank, bool)
+        if not is_integer or not 1 <= self.rank <= LOWEST_RANK:
             raise InvalidInputError(
                 f"{label}: rank: got {shown(self.rank)}, expected an integer from 1 to "
                 f"{LOWEST_RANK}"

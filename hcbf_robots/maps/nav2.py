@@ -21,47 +21,47 @@ from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.grid import Grid, checked_shape
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-"""Occupancy of a cell, as ROS counts it; between FREE and OCCUPIED are shares of a hundred."""
-GREY = 205  # of a pixel by which map savers write a cell that was never seen
+"""Occupancy of a cell as in ROS [%]; cells that were never seen are UNKNOWN."""
+UNSEEN_GREY = 205  # the pixels by which map savers write cells that were never seen
 
 NEEDED = ("image", "resolution", "origin")
 OPTIONAL = ("mode", "negate", "occupied_thresh", "free_thresh")
-UNREAD = ("map_type",)  # written by map servers, read by none
+UNREAD = ("map_type",)  # map servers write it, and do not read it
 MODES = ("trinary", "scale", "raw")
 
-LONGEST_TEXT = 65_536  # bytes of a YAML file that describes a map
+LONGEST_TEXT = 65_536  # of a YAML file [bytes]
 
-_KEY = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
-_IMAGES = {"PPM": "PGM", "PNG": "PNG"}
-_PLAIN = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")
+_KEY_AND_VALUE = re.compile(r"([A-Za-z_][\w-]*)\s*:(?:\s+(.*))?$")
+_IMAGE_FORMATS = {"PPM": "PGM", "PNG": "PNG"}  # Pillow's name → the name in messages
+_PIXEL_MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")  # Pillow's, of 8 bits a channel
 
 
 class Raster(NamedTuple):
-    """A map as it stands in its files."""
+    """The cells of a map as its files have them."""
 
-    grid: Grid  # where its cells lie
+    grid: Grid
     # (rows, columns) from FREE to OCCUPIED, or UNKNOWN; row 0 is the lowest
     occupancy: NDArray[np.int16]
 
 
 def read(path: str | Path, *, drawn: bool = False) -> Raster:
-    """Read a map. Warns of keys that it does not know.
+    """Read a map, and warn of unknown keys.
 
-    Modes are the map server's: "trinary" knows free, occupied and unknown; "scale" the shares
-    between both thresholds; "raw" takes a pixel from 0 to 100 for the occupancy itself. In trinary
-    maps a cell of the grey 205 (50 where `negate` is set) was never seen: it is unknown whatever
-    the thresholds. In the other modes no grey of such a cell depends on them.
+    The modes are the map server's. In "trinary" maps a cell is free, occupied, or unknown between
+    both thresholds. In "scale" maps a cell between them has a share of occupancy. In "raw" maps a
+    pixel from 0 to 100 is the occupancy. In trinary maps a cell of the grey 205 (50 if `negate` is
+    set) was never seen, and is unknown whatever the thresholds.
 
     Args:
-        path: of the YAML file; its image lies beside it unless the path in it is absolute.
-        drawn: whether it is a mask: a grey that somebody has drawn means what thresholds say.
+        path: of the YAML file; a relative path of the image in it is relative to the file's folder.
+        drawn: whether it is a mask, whose greys were drawn, so that the thresholds decide all.
 
     Raises:
         InvalidInputError: if a file cannot be read or is too large, a key is missing or
             out of range, or the image is no PGM or PNG of 8 bits.
     """
     path = Path(path)
-    keys = _keys(path)
+    keys = _checked_keys(path)
     mode = keys.get("mode", "trinary")
     choose(f"mode of map {path}", mode, dict.fromkeys(MODES))
     low = finite_float(f"map {path}: free_thresh", keys.get("free_thresh", 0.25), minimum=0.0)
@@ -79,27 +79,27 @@ def read(path: str | Path, *, drawn: bool = False) -> Raster:
         raise InvalidInputError(
             f"map {path}: image: got {keys['image']!r}, expected the path of a PGM or PNG"
         )
-    shade, clear = _shade(path.parent / keys["image"], mode)
+    brightness, is_transparent = _pixels(path.parent / keys["image"], mode)
     origin = finite_array(f"map {path}: origin", keys["origin"], (3,), largest=ON_EARTH)
-    grid = Grid(keys["resolution"], tuple(origin.tolist()), shade.shape)
-    occupied = shade if negate else 1.0 - shade
+    grid = Grid(keys["resolution"], tuple(origin.tolist()), brightness.shape)
+    darkness = brightness if negate else 1.0 - brightness
     if mode == "raw":
-        values = np.rint(255.0 * shade)
+        values = np.rint(255.0 * brightness)
         values[values > OCCUPIED] = UNKNOWN
     else:
-        values = np.full(shade.shape, float(UNKNOWN))
+        values = np.full(brightness.shape, float(UNKNOWN))
         if mode == "scale":
-            values = np.rint(OCCUPIED * (occupied - low) / (high - low))
-        values[occupied < low] = FREE
-        values[occupied > high] = OCCUPIED
-        values[clear] = UNKNOWN
+            values = np.rint(OCCUPIED * (darkness - low) / (high - low))
+        values[darkness < low] = FREE
+        values[darkness > high] = OCCUPIED
+        values[is_transparent] = UNKNOWN
         if mode == "trinary" and not drawn:
-            values[np.rint(255.0 * occupied) == 255 - GREY] = UNKNOWN
+            values[np.rint(255.0 * darkness) == 255 - UNSEEN_GREY] = UNKNOWN
     return Raster(grid, values.astype(np.int16)[::-1])
 
 
-def _keys(path: Path) -> dict[str, Any]:
-    """Return the keys of a map's file."""
+def _checked_keys(path: Path) -> dict[str, Any]:
+    """Return the keys of a map's YAML file and their values; refuse a file that lacks some."""
     keys = parse(_text(path), str(path))
     missing = [key for key in NEEDED if key not in keys]
     if missing:
@@ -113,51 +113,50 @@ def _keys(path: Path) -> dict[str, Any]:
 
 
 def _text(path: Path) -> str:
-    """Return a short text file's content."""
+    """Return the content of a text file, or refuse one that is too long or unreadable."""
     try:
         size = path.stat().st_size
-        text = path.read_text(encoding="utf-8") if size <= LONGEST_TEXT else ""
+        if size <= LONGEST_TEXT:
+            return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise InvalidInputError(
             f"map {path}: got {error}, expected a readable YAML file of Nav2's map server"
         ) from error
-    if size > LONGEST_TEXT:
-        raise InvalidInputError(
-            f"map {path}: got a file of {size} bytes, expected at most {LONGEST_TEXT}"
-        )
-    return text
+    raise InvalidInputError(
+        f"map {path}: got a file of {size} bytes, expected at most {LONGEST_TEXT}"
+    )
 
 
 def parse(text: str, name: str) -> dict[str, Any]:
-    """Return the keys of a YAML file with one level: numbers, texts, and lists of numbers.
+    """Return the keys of a map's YAML text with one level: numbers, texts, and lists of numbers.
 
     Raises:
-        InvalidInputError: on anything else, and on a key that is there twice.
+        InvalidInputError: on anything else, and on a repeated key; `name` is the map's in messages.
     """
     keys: dict[str, Any] = {}
-    listed: list[Any] | None = None
+    open_list: list[Any] | None = None  # of the last key, if its items are on lines of their own
     for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
-        bare = re.sub(r"(^|\s)#.*$", "", line).rstrip()
-        if not bare.strip() or bare in ("---", "..."):
+        content = re.sub(r"(^|\s)#.*$", "", line).rstrip()
+        if not content.strip() or content in ("---", "..."):
             continue
-        if listed is not None and re.match(r"\s*-\s", bare):
-            listed.append(_scalar(bare.strip()[1:].strip()))
+        if open_list is not None and re.match(r"\s*-\s", content):
+            open_list.append(_scalar(content.strip()[1:].strip()))
             continue
-        found = _KEY.match(bare)
-        if found is None or found[1] in keys:
-            problem = "twice the key" if found else "the line"
+        match = _KEY_AND_VALUE.match(content)
+        if match is None or match[1] in keys:
+            problem = "twice the key" if match else "the line"
             raise InvalidInputError(
-                f"map {name}: got {problem} {bare!r} (line {number}), expected lines 'key: value' "
-                f"with keys among {[*NEEDED, *OPTIONAL]}"
+                f"map {name}: got {problem} {content!r} (line {number}), expected lines "
+                f"'key: value' with keys among {[*NEEDED, *OPTIONAL]}"
             )
-        rest = (found[2] or "").strip()
-        listed = None if rest else []
-        keys[found[1]] = _value(rest) if rest else listed
+        value = (match[2] or "").strip()
+        open_list = None if value else []
+        keys[match[1]] = _value(value) if value else open_list
     return keys
 
 
 def _value(text: str) -> Any:
-    """Return a number, a truth value, a text, or a list of them; of lists in a list the text."""
+    """Return a scalar, or a list of scalars; lists within a list are not read and remain text."""
     if text.startswith("[") and text.endswith("]"):
         inner = text[1:-1].strip().rstrip(",")
         return [_scalar(item.strip()) for item in inner.split(",")] if inner else []
@@ -165,7 +164,7 @@ def _value(text: str) -> Any:
 
 
 def _scalar(text: str) -> Any:
-    """Return a number, a truth value or a text."""
+    """Return the number, the truth value or the text that a YAML scalar denotes."""
     if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
         return text[1:-1]
     if text.lower() in ("true", "false"):
@@ -178,30 +177,33 @@ def _scalar(text: str) -> Any:
     return math.inf if text.lower() in (".inf", "+.inf") else text
 
 
-def _shade(path: Path, mode: str) -> tuple[Any, Any]:
-    """Return an image's brightness from 0 to 1, and where it is transparent."""
+def _pixels(path: Path, mode: str) -> tuple[Any, Any]:
+    """Return an image's brightness (rows, columns) from 0 to 1, and which pixels are transparent.
+
+    As in the map server, opacity counts as a fourth channel of trinary maps, and only maps of the
+    mode "scale" have transparent pixels.
+    """
     from PIL import Image
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # refused here if large
-            image = Image.open(path, formats=list(_IMAGES))
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # size: checked below
+            image = Image.open(path, formats=list(_IMAGE_FORMATS))
         with image:
             width, height = image.size
             checked_shape((height, width))  # before anything is decoded
-            if image.mode not in _PLAIN:
+            if image.mode not in _PIXEL_MODES:
                 raise InvalidInputError(
                     f"map image {path}: got the mode {image.mode!r}, expected 8 bits a channel"
                 )
-            colours = np.asarray(image.convert("RGBA"))
+            channels = np.asarray(image.convert("RGBA"))
     except InvalidInputError:
         raise
     except (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError) as error:
-        raise InvalidInputError(
-            f"map image {path}: got {error}, expected a readable {' or '.join(_IMAGES.values())}"
-        ) from error
-    has_opacity = bool((colours[..., 3] < 255).any())
-    channels = 4 if has_opacity and mode == "trinary" else 3
-    shade = colours[..., :channels].astype(np.float64).mean(axis=2) / 255.0
-    clear = (colours[..., 3] < 255) & (mode == "scale")
-    return shade, clear
+        formats = " or ".join(_IMAGE_FORMATS.values())
+        message = f"map image {path}: got {error}, expected a readable {formats}"
+        raise InvalidInputError(message) from error
+    is_transparent = channels[..., 3] < 255
+    averaged = 4 if mode == "trinary" and is_transparent.any() else 3
+    brightness = channels[..., :averaged].astype(np.float64).mean(axis=2) / 255.0
+    return brightness, is_transparent & (mode == "scale")

@@ -1,4 +1,4 @@
-"""Maps of arrays as plain dicts that JSON can hold."""
+"""Writes maps of arrays as plain dicts that JSON can hold, and reads them."""
 
 import base64
 import binascii
@@ -24,15 +24,15 @@ def packed(grid: Grid, classes: tuple[MapClass, ...]) -> dict[str, object]:
         "origin": list(grid.origin),
         "shape": list(grid.shape),
         "classes": [
-            {"name": one.name, "rank": one.rank, "kind": one.kind, "cells": _text(one.cells)}
-            | {"limit": one.limit, "margin": one.margin}
-            for one in classes
+            {"name": region.name, "rank": region.rank, "kind": region.kind}
+            | {"cells": _packed_cells(region.cells), "limit": region.limit, "margin": region.margin}
+            for region in classes
         ],
     }
 
 
 def unpacked(data: Mapping[str, Any]) -> tuple[Grid, tuple[MapClass, ...]]:
-    """Return the grid and the classes that `packed` described."""
+    """Return the grid and the classes of a dict that `packed` wrote."""
     check_options("map", data, KEYS)
     missing = [key for key in KEYS if key not in data]
     if missing:
@@ -46,26 +46,28 @@ def unpacked(data: Mapping[str, Any]) -> tuple[Grid, tuple[MapClass, ...]]:
     classes = []
     for entry in entries:
         records.check_mapping("map: class", entry)
-        fields = {**entry, "cells": _cells(entry.get("cells"), grid.shape)}
+        fields = {**entry, "cells": _unpacked_cells(entry.get("cells"), grid.shape)}
         classes.append(records.build("map: class", MapClass, fields))
     return grid, tuple(classes)
 
 
-def _text(cells: Mask) -> str:
+def _packed_cells(cells: Mask) -> str:
+    """Return the bits of all cells, row by row, compressed and in base 64."""
     return base64.b64encode(zlib.compress(np.packbits(cells).tobytes(), 9)).decode("ascii")
 
 
-def _cells(text: Any, shape: tuple[int, int]) -> Mask:
-    """Return (rows, columns) cells."""
+def _unpacked_cells(text: Any, shape: tuple[int, int]) -> Mask:
+    """Return the cells (rows, columns) of a text; decompression ends where it has too many."""
     count = shape[0] * shape[1]
+    size = -(-count // 8)  # bytes, rounded up
     try:
         reader = zlib.decompressobj()
-        data = reader.decompress(base64.b64decode(text, validate=True), -(-count // 8) + 1)
+        data = reader.decompress(base64.b64decode(text, validate=True), size + 1)
     except (TypeError, ValueError, binascii.Error, zlib.error) as error:
         raise InvalidInputError(
             f"map: class: cells: got no packed cells ({error}), expected what to_dict wrote"
         ) from error
-    if len(data) != -(-count // 8):
+    if len(data) != size:
         raise InvalidInputError(
             f"map: class: cells: got {8 * len(data)} cells or more, expected {count}"
         )

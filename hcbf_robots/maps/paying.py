@@ -1,4 +1,4 @@
-"""Which classes of a map are relaxed in a conflict, and where they are nearest."""
+"""Lists the classes of a map that are relaxed in a conflict, and where the robot meets them."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,9 +15,9 @@ class Paying(NamedTuple):
     """A class of a map that is relaxed.
 
     Attributes:
-        name: of the class.
-        place: (2,) the point of its nearest piece that is nearest the robot [m].
-        slack: by how much its row is violated.
+        name: the name of the class.
+        place: (2,) the point of its pieces that is nearest to the robot [m].
+        slack: the violation of its row.
     """
 
     name: str
@@ -26,21 +26,22 @@ class Paying(NamedTuple):
 
 
 def paying(ranked: RankedMap, x: ArrayLike, slack: ArrayLike) -> Iterator[Paying]:
-    """Yield the classes that are relaxed at a state, in their order, and where.
+    """Yield the classes that are relaxed at a state, in the order of the map's classes.
 
     Args:
         ranked: the map.
-        x: position first [m].
+        x: (n,) the state, whose first two entries are the position [m].
         slack: (m,) of the map's classes, as ``info["safety_filter"]`` has them.
 
     Raises:
-        InvalidInputError: if the slack is not of the map's classes.
+        InvalidInputError: if the slacks are not as many as the map's classes, or not finite.
     """
     instance("ranked", ranked, RankedMap)
     state = reals("x", x)
-    at = finite_array("x", state[:2] if state.ndim == 1 else state, (2,), largest=FARTHEST)
-    given = finite_array("slack", slack, (len(ranked.classes),))
-    for barrier, paid in zip(ranked.conditions, given.tolist(), strict=True):
-        if paid > 0.0:
-            distance, normal = barrier.nearest(at)
-            yield Paying(barrier.name, at - max(distance, 0.0) * normal, paid)
+    position = state[:2] if state.ndim == 1 else state
+    position = finite_array("x", position, (2,), largest=FARTHEST)
+    slacks = finite_array("slack", slack, (len(ranked.classes),)).tolist()
+    for barrier, violation in zip(ranked.conditions, slacks, strict=True):
+        if violation > 0.0:
+            distance, normal = barrier.nearest(position)
+            yield Paying(barrier.name, position - max(distance, 0.0) * normal, violation)

@@ -1,4 +1,4 @@
-"""A map with ranks: what a robot may not enter, and what it may cross if it must."""
+"""A map whose classes of cells have ranks, as conditions of the safety filter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,18 +32,18 @@ from hcbf_robots.maps.map_class import MapClass
 
 @dataclass(frozen=True, eq=False)
 class RankedMap(Floor):
-    """Cells of a grid in classes, each with its rank. It never changes: `update` returns another.
+    """An immutable map: the cells of a grid in classes, each with its rank.
 
-    In a list of barriers it is one condition a class, in the order of the classes. All outside the
-    grid belongs to a class of the kind "unknown", and is free where there is none.
+    In a list of barriers it is one condition for each class, in the order of the classes. All
+    outside the grid belongs to the class of the kind "unknown", and is free where there is none.
 
     Args:
-        grid: where the cells lie.
-        classes: what cells mean; a cell may be of several classes.
-        source: the files that it was read from, as `from_dict` takes them; None for arrays.
+        grid: of the cells.
+        classes: of the cells; a cell may be of several classes.
+        source: the files that the map was read from, as `from_dict` takes them; None for arrays.
 
     Raises:
-        InvalidInputError: if two classes share a name, or cells are not of the grid's shape.
+        InvalidInputError: if two classes share a name, or cells have another shape than the grid.
 
     Examples:
         >>> import numpy as np
@@ -60,13 +60,13 @@ class RankedMap(Floor):
     source: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        listed = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
-        if not listed or not all(isinstance(one, MapClass) for one in self.classes):
+        is_list = isinstance(self.classes, Sequence) and not isinstance(self.classes, str)
+        if not is_list or not all(isinstance(region, MapClass) for region in self.classes):
             raise InvalidInputError(
                 f"map: classes: got {shown(self.classes)}, expected a sequence of MapClasses"
             )
         object.__setattr__(self, "classes", tuple(self.classes))
-        names = [one.name for one in self.classes]
+        names = [region.name for region in self.classes]
         if not names or len(set(names)) < len(names):
             raise InvalidInputError(
                 f"map: got classes named {names}, expected one or more, all different"
@@ -75,10 +75,10 @@ class RankedMap(Floor):
             records.check_mapping("map: source", self.source)
         if not isinstance(self.grid, Grid):
             raise InvalidInputError(f"map: grid: got {shown(self.grid)}, expected a Grid")
-        for one in self.classes:
-            if one.cells.shape != self.grid.shape:
+        for region in self.classes:
+            if region.cells.shape != self.grid.shape:
                 raise InvalidInputError(
-                    f"map class {one.name!r}: got cells of the shape {one.cells.shape}, "
+                    f"map class {region.name!r}: got cells of the shape {region.cells.shape}, "
                     f"expected {self.grid.shape} as the grid's"
                 )
 
@@ -92,40 +92,39 @@ class RankedMap(Floor):
         unknown: int | None = 1,
         margin: float = 0.0,
     ) -> Self:
-        """Read a map of Nav2, and masks, which are looked up by position as Nav2 does.
+        """Read a map of Nav2 with masks, which may have other grids than the map.
 
-        A cell that was never seen is unknown, whatever the thresholds of the file. How many cells
-        are free, occupied and unknown is logged.
+        A cell that was never seen is unknown, whatever the thresholds of the file. The numbers of
+        free, occupied and unknown cells are logged.
 
         Args:
-            file: YAML of the map server.
-            masks: YAML of a mask → its rank as a keepout, or its fields: "rank", "kind", "name",
-                "margin", and for the kind "speed" either "limit" [m/s], or "base" and "multiplier"
-                [m/s]: as in Nav2, a cell's limit is base + multiplier · occupancy, and none where
-                that is not positive. Paths are those beside the map unless they are absolute.
+            file: the map server's YAML file.
+            masks: YAML file of a mask → its rank as a keepout, or its fields: "rank", "kind",
+                "name", "margin", and for the kind "speed" either "limit" [m/s], or "base" and
+                "multiplier" [m/s]. As in Nav2, a cell's limit is base + multiplier · occupancy,
+                and none where that is not positive. Relative paths are relative to the map's.
             rank: of the map's occupied cells, the class "occupied".
-            unknown: rank of the cells of which nothing is known and of all outside the grid, the
-                class "unknown"; None makes them free.
-            margin: reserved around both [m].
+            unknown: rank of the unknown cells and of all outside the grid, the class "unknown";
+                None makes them free.
+            margin: reserved around both classes [m].
 
         Raises:
             InvalidInputError: if a file cannot be read, a field is missing, unknown or out of
                 range, or every cell is strict.
         """
         masks = {} if masks is None else masks
-        grid, classes = reading.read(file, masks, rank, unknown, margin)
-        return cls(grid, classes, reading.source(file, masks, rank, unknown, margin))
+        return cls(*reading.read(file, masks, rank, unknown, margin))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the map that `to_dict` described, or that `load` reads from {"file": …, …}.
+        """Return the map of a dict that `to_dict` wrote, or that has the arguments of `load`.
 
         Raises:
-            InvalidInputError: if it describes none.
+            InvalidInputError: if a key is missing or unknown, or a value is malformed.
         """
         records.check_mapping("map", data)
         if "file" in data:
-            check_options("map", data, ("file", "masks", *reading.USUAL))
+            check_options("map", data, ("file", "masks", *reading.DEFAULTS))
             return cls.load(**data)
         return cls(*packing.unpacked(data))
 
@@ -136,7 +135,7 @@ class RankedMap(Floor):
         return packing.packed(self.grid, self.classes)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether two maps are described alike."""
+        """Return whether two maps are described by equal dicts."""
         if not isinstance(other, RankedMap):
             return NotImplemented
         return self is other or self.to_dict() == other.to_dict()
@@ -145,35 +144,32 @@ class RankedMap(Floor):
 
     @cached_property
     def covers(self) -> tuple[Cover, ...]:
-        """What covers each class, in the order of the classes."""
-        return tuple(Cover.of(one.cells) for one in self.classes)
+        """The covers of the classes, in their order."""
+        return tuple(Cover.of(region.cells) for region in self.classes)
 
     @property
     def conditions(self) -> tuple[MappedRegion | MappedZone, ...]:
-        """A barrier for each class, in the order of the classes."""
+        """The barriers of the classes, in their order."""
         return self._conditions
 
     @cached_property
     def _conditions(self) -> tuple[MappedRegion | MappedZone, ...]:
-        return tuple(
-            self._condition(one, cover)
-            for one, cover in zip(self.classes, self.covers, strict=True)
-        )
+        return tuple(map(self._condition, self.classes, self.covers))
 
     @cached_property
-    def _cells(self) -> tuple[Pieces, ...]:
-        """What covers the cells of each class, and nothing outside the grid."""
-        found = []
-        for one, cover, barrier in zip(self.classes, self.covers, self._conditions, strict=True):
-            outside = one.kind == "unknown"
-            found.append(self._pieces(cover, outside=False) if outside else barrier.pieces)
-        return tuple(found)
+    def _pieces_in_grid(self) -> tuple[Pieces, ...]:
+        """The pieces of each class, without those of all outside the grid."""
+        barriers = zip(self.classes, self.covers, self.conditions, strict=True)
+        return tuple(
+            self._pieces(cover) if region.kind == "unknown" else barrier.pieces
+            for region, cover, barrier in barriers
+        )
 
     def polygons(self, name: str) -> list[Array]:
         """Return the corners (k, 2) of the convex pieces that cover a class's cells [m]."""
-        barrier = choose("map class", name, {one.name: one for one in self._conditions})
-        covers = {one.name: cover for one, cover in zip(self.classes, self.covers, strict=True)}
-        return barrier.pieces.polygons[: len(covers[name].sizes)]
+        indices = {region.name: k for k, region in enumerate(self.classes)}
+        k = choose("map class", name, indices)
+        return self.conditions[k].pieces.polygons[: len(self.covers[k].sizes)]
 
     def outlines(self, region: MapClass, covered: bool = False) -> list[Array]:
         """Return the corners (k, 2) of rectangles of a class's cells, or of its pieces [m]."""
@@ -182,29 +178,29 @@ class RankedMap(Floor):
         return [self.grid.to_world(box) for box in boxes(region.cells)]
 
     def distance(self, points: ArrayLike, rank: int | None = None) -> Array:
-        """Return (N,) the covered distance of points from keepout and unknown cells [m].
+        """Return the distances (N,) of points from the pieces over keepout and unknown cells [m].
 
-        It never exceeds the true distance; inside a piece it is negative. What lies outside the
-        grid does not count here.
+        They never exceed the true distances, and are negative inside a piece. All outside the grid
+        is left out here.
 
         Args:
             points: (N, 2) [m].
-            rank: of the classes that count; None for all.
+            rank: only classes of this rank count; None for all.
 
         Raises:
             InvalidInputError: if the points are not finite.
         """
-        at = finite_array("points", points, (None, 2), largest=FARTHEST)
+        places = finite_array("points", points, (None, 2), largest=FARTHEST)
         rank = None if rank is None else count("rank", rank)
-        least, distance = np.full(len(at), np.inf), np.empty(len(at))
-        for one, cells in zip(self.classes, self._cells, strict=True):
-            if one.kind != "speed" and rank in (None, one.rank):
-                _core.pieces_distances(cells.packed, 0, at, distance)
+        least, distance = np.full(len(places), np.inf), np.empty(len(places))
+        for region, pieces in zip(self.classes, self._pieces_in_grid, strict=True):
+            if region.kind != "speed" and rank in (None, region.rank):
+                _core.pieces_distances(pieces.packed, 0, places, distance)
                 np.minimum(least, distance, out=least)
         return least
 
     def update(self, corner: tuple[int, int], cells: Mapping[str, ArrayLike]) -> "RankedMap":
-        """Return the map with a window of cells replaced; only what is near it is covered anew.
+        """Return the map with a window of cells replaced; only pieces near it are computed anew.
 
         Args:
             corner: lowest row and column of the window.
@@ -213,75 +209,75 @@ class RankedMap(Floor):
         Raises:
             InvalidInputError: if there is no such class, or the window leaves the grid.
         """
-        known = {one.name: k for k, one in enumerate(self.classes)}
+        indices = {region.name: k for k, region in enumerate(self.classes)}
         records.check_mapping("map update: cells", cells)
-        check_options("map update: classes", cells, known)
+        check_options("map update: classes", cells, indices)
         classes, covers = list(self.classes), list(self.covers)
-        conditions = list(self._conditions)
+        conditions = list(self.conditions)
         for name, values in cells.items():
-            k = known[name]
+            k = indices[name]
             window = as_array(f"map update: {name}", values)
-            r, c = _corner(corner, window, self.grid)
-            h, w = window.shape
-            now = classes[k].cells.copy()
-            if np.array_equal(now[r : r + h, c : c + w], window):
+            row, column = _checked_corner(corner, window, self.grid)
+            end_row, end_column = row + window.shape[0], column + window.shape[1]
+            changed_cells = classes[k].cells.copy()
+            if np.array_equal(changed_cells[row:end_row, column:end_column], window):
                 continue
-            now[r : r + h, c : c + w] = window
-            classes[k] = replace(classes[k], cells=now)
-            covers[k] = covers[k].after(now, (r, c, r + h, c + w))
+            changed_cells[row:end_row, column:end_column] = window
+            classes[k] = replace(classes[k], cells=changed_cells)
+            covers[k] = covers[k].after(changed_cells, (row, column, end_row, end_column))
             conditions[k] = self._condition(classes[k], covers[k])
         changed = RankedMap(self.grid, tuple(classes))
         vars(changed).update(covers=tuple(covers), _conditions=tuple(conditions))
         return changed
 
-    def _condition(self, one: MapClass, cover: Cover) -> MappedRegion | MappedZone:
+    def _condition(self, region: MapClass, cover: Cover) -> MappedRegion | MappedZone:
         """Return the barrier of a class."""
-        beyond = one.kind == "unknown"
-        found = self._pieces(cover, outside=beyond)
-        fields: dict[str, Any] = {"pieces": found, "margin": one.margin}
-        fields |= {"grid": self.grid, "cells": one.cells}
-        if one.limit is not None:
-            return MappedZone(one.name, one.rank, limit=one.limit, **fields)
-        return MappedRegion(one.name, one.rank, beyond=beyond, **fields)
+        is_unknown = region.kind == "unknown"
+        pieces = self._pieces(cover, with_outside=is_unknown)
+        fields: dict[str, Any] = {"pieces": pieces, "margin": region.margin}
+        fields |= {"grid": self.grid, "cells": region.cells}
+        if region.limit is not None:
+            return MappedZone(region.name, region.rank, limit=region.limit, **fields)
+        return MappedRegion(region.name, region.rank, beyond=is_unknown, **fields)
 
-    def _pieces(self, cover: Cover, *, outside: bool) -> Pieces:
-        """Return what covers a class, and with it all that lies outside the grid, if it does."""
+    def _pieces(self, cover: Cover, *, with_outside: bool = False) -> Pieces:
+        """Return the pieces of a cover in the world, followed by those outside the grid."""
         corners, sizes = cover.grown(), cover.sizes
-        if outside:
+        if with_outside:
             corners = np.concatenate([corners, self._outside])
             sizes = np.concatenate([sizes, np.full(4, 4)])
         world = self.grid.to_world(corners.reshape(-1, 2)).reshape(corners.shape)
-        return Pieces(world, sizes, self.grid.origin, around=4 if outside else 0)
+        return Pieces(world, sizes, self.grid.origin, around=4 if with_outside else 0)
 
     @property
     def _outside(self) -> Array:
-        """(4, 8, 2) columns and rows of four rectangles around the grid, as far as anything is."""
+        """(4, 8, 2) columns and rows of four rectangles around the grid, beyond `FARTHEST`."""
         (rows, columns), far = self.grid.shape, 4.0 * FARTHEST / self.grid.resolution
         right, top = columns + far, rows + far
-        left_of, right_of = (-far, -far, 0.0, top), (columns, -far, right, top)
-        below, above = (-far, -far, right, 0.0), (-far, rows, right, top)
-        found = np.zeros((4, 8, 2))
-        for corners, (u0, v0, u1, v1) in zip(found, (left_of, right_of, below, above), strict=True):
-            corners[:4] = (u0, v0), (u1, v0), (u1, v1), (u0, v1)
-        return found
+        left_and_right = [(-far, -far, 0.0, top), (columns, -far, right, top)]
+        below_and_above = [(-far, -far, right, 0.0), (-far, rows, right, top)]
+        rectangles = np.array(left_and_right + below_and_above)
+        corners = np.zeros((4, 8, 2))
+        corners[:, :4, 0] = rectangles[:, [0, 2, 2, 0]]
+        corners[:, :4, 1] = rectangles[:, [1, 1, 3, 3]]
+        return corners
 
 
-def _corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
-    """Return the lowest row and column of a window that lies in the grid."""
-    sound = isinstance(corner, tuple | list) and len(corner) == 2
-    sound = sound and all(
+def _checked_corner(corner: Any, window: NDArray[Any], grid: Grid) -> tuple[int, int]:
+    """Return the lowest row and column of a window, or refuse one that is not in the grid."""
+    is_cell = isinstance(corner, tuple | list) and len(corner) == 2
+    is_cell = is_cell and all(
         isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 0 for n in corner
     )
-    if not sound or window.ndim != 2 or window.dtype != np.bool_:
+    if not is_cell or window.ndim != 2 or window.dtype != np.bool_:
         raise InvalidInputError(
             f"map update: got {window.dtype} of the shape {window.shape} at {shown(corner)}, "
             "expected truth values (h, w) at a row and a column"
         )
-    r, c = int(corner[0]), int(corner[1])
-    rows, columns = grid.shape
-    if r + window.shape[0] > rows or c + window.shape[1] > columns:
+    row, column = int(corner[0]), int(corner[1])
+    if row + window.shape[0] > grid.shape[0] or column + window.shape[1] > grid.shape[1]:
         raise InvalidInputError(
-            f"map update: got a window of {window.shape} cells at {(r, c)}, expected it within "
-            f"the {grid.shape} cells of the map"
+            f"map update: got a window of {window.shape} cells at {(row, column)}, expected it "
+            f"within the {grid.shape} cells of the map"
         )
-    return r, c
+    return row, column

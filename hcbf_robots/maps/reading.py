@@ -1,4 +1,4 @@
-"""Classes of a map from its files: the map itself, and masks over it."""
+"""Reads the classes of a map from its files: the map itself, and masks over it."""
 
 import logging
 from collections.abc import Mapping
@@ -17,42 +17,21 @@ from hcbf_robots.maps.map_class import MapClass
 from hcbf_robots.maps.nav2 import Raster
 from hcbf_robots.maps.regrid import onto
 
-Classes = tuple[MapClass, ...]
-
 _LOGGER = logging.getLogger("hcbf_robots.maps")
+DEFAULTS: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}  # of `RankedMap.load`
 
-USUAL: dict[str, object] = {"rank": 1, "unknown": 1, "margin": 0.0}  # of `RankedMap.load`
+FREE_BELOW, OCCUPIED_ABOVE = 25, 65
+"""Occupancies [%]: cells of a map between both are unknown. In a mask all from 25 on counts."""
 
-KNOWN_FREE = 25  # a cell whose occupancy is lower is free, in the graded modes, too
-SURELY_OCCUPIED = 65
-"""A cell of the map is occupied above that, and unknown between both; a mask counts from free."""
-
-OF_MASK = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
-
+MASK_FIELDS = ("rank", "kind", "name", "margin", "limit", "base", "multiplier")
 MOST_LIMITS = 16  # speed limits in one mask, each of which becomes a class
 
 
 def log(file: str | Path, raster: Raster) -> None:
-    """Log how many cells a map shows free, occupied and unknown."""
+    """Log how many cells of a map are free, occupied and unknown."""
     occupied, unknown = (int(cells.sum()) for cells in _split(raster))
     free = raster.occupancy.size - occupied - unknown
     _LOGGER.info("map %s: %d cells free, %d occupied, %d unknown", file, free, occupied, unknown)
-
-
-def source(
-    file: str | Path,
-    masks: Mapping[str, object] | None,
-    rank: int,
-    unknown: int | None,
-    margin: float,
-) -> dict[str, object]:
-    """Return what `RankedMap.from_dict` takes to read the same files; what is usual is left out."""
-    given = {"rank": rank, "unknown": unknown, "margin": margin}
-    described: dict[str, object] = {"file": str(file)}
-    if masks:
-        described["masks"] = records.plain(masks)
-    described |= {name: value for name, value in given.items() if value != USUAL[name]}
-    return described
 
 
 def read(
@@ -61,63 +40,77 @@ def read(
     rank: int,
     unknown: int | None,
     margin: float,
-) -> tuple[Grid, Classes]:
-    """Read a map and its masks, and log what the map shows; see `RankedMap.load`."""
+) -> tuple[Grid, tuple[MapClass, ...], dict[str, object]]:
+    """Return the fields of a `RankedMap` from its files: the grid, the classes and the source.
+
+    The numbers of the map's cells are logged. `RankedMap.load` has the arguments.
+    """
     if not isinstance(file, str | Path) or not str(file):
         raise InvalidInputError(f"map: file: got {shown(file)}, expected the path of a YAML file")
+    source: dict[str, object] = {"file": str(file)}
     file = records.expanded("map: file", str(file))
     raster = nav2.read(file)
-    found = of_map(raster, rank, unknown, margin)
+    classes = of_map(raster, rank, unknown, margin)
     records.check_mapping("map: masks", masks)
     for name, entry in masks.items():
-        found += _of_mask_file(Path(file).parent / name, name, entry, raster.grid, unknown)
+        classes += _of_mask_file(Path(file).parent / name, name, entry, raster.grid, unknown)
     strict = np.zeros(raster.grid.shape, dtype=np.bool_)
-    for one in found:
-        strict |= one.cells & one.is_strict
+    for region in classes:
+        if region.is_strict:
+            strict |= region.cells
     if strict.all():
         raise InvalidInputError(
             f"map {file}: got no cell that a robot may be in, expected some that are not strict: "
             "see negate and the thresholds, or unknown=None"
         )
     log(file, raster)
-    return raster.grid, tuple(found)
+    if masks:
+        source["masks"] = records.plain(masks)
+    options = {"rank": rank, "unknown": unknown, "margin": margin}
+    source |= {name: value for name, value in options.items() if value != DEFAULTS[name]}
+    return raster.grid, tuple(classes), source
 
 
 def of_map(raster: Raster, rank: int, unknown: int | None, margin: float) -> list[MapClass]:
-    """Return the classes "occupied" and, where it has a rank, "unknown"."""
-    occupied, doubtful = _split(raster)
-    found = [MapClass("occupied", rank, "keepout", occupied, margin=margin)]
+    """Return the classes "occupied" and, where unknown cells have a rank, "unknown" of a map."""
+    occupied_cells, unknown_cells = _split(raster)
+    classes = [MapClass("occupied", rank, "keepout", occupied_cells, margin=margin)]
     if unknown is not None:
-        found.append(MapClass("unknown", unknown, "unknown", doubtful, margin=margin))
-    return found
+        classes.append(MapClass("unknown", unknown, "unknown", unknown_cells, margin=margin))
+    return classes
 
 
 def _split(raster: Raster) -> tuple[Mask, Mask]:
-    """Return which cells (rows, columns) of a map are occupied, and which are unknown."""
-    occupied = raster.occupancy > SURELY_OCCUPIED
-    return occupied, (raster.occupancy < 0) | (~occupied & (raster.occupancy >= KNOWN_FREE))
+    """Return the occupied and the unknown cells (rows, columns) of a map."""
+    is_occupied = raster.occupancy > OCCUPIED_ABOVE
+    is_unseen, is_doubtful = raster.occupancy < 0, raster.occupancy >= FREE_BELOW
+    return is_occupied, is_unseen | (is_doubtful & ~is_occupied)
 
 
 def _of_mask_file(
     path: Path, name: str, entry: object, grid: Grid, unknown: int | None
 ) -> list[MapClass]:
-    """Return the classes of a mask's file, on the map's cells."""
+    """Return the classes of a mask's file, transferred to the grid of the map.
+
+    `entry` is the mask's rank, or its fields (`MASK_FIELDS`). `unknown` is the rank of all outside
+    the map, or None if it is free.
+    """
     label = f"map: mask {name!r}"
     fields: dict[str, Any] = dict(entry) if isinstance(entry, Mapping) else {"rank": entry}
     records.check_mapping(label, fields)
-    check_options(label, fields, OF_MASK)
+    check_options(label, fields, MASK_FIELDS)
     if "rank" not in fields:
         raise InvalidInputError(f"{label}: 'rank' is missing, expected an integer")
     raster, classes = nav2.read(path, drawn=True), []
-    for one in of_mask(raster, label, {"name": Path(name).stem, "kind": "keepout"} | fields):
-        cells, beyond = onto(grid, one.cells, raster.grid)
-        classes.append(replace(one, cells=cells))
-        if beyond and (unknown is None or unknown > one.rank):
+    for region in of_mask(raster, label, {"name": Path(name).stem, "kind": "keepout"} | fields):
+        cells, is_outside = onto(grid, region.cells, raster.grid)
+        classes.append(replace(region, cells=cells))
+        if is_outside and (unknown is None or unknown > region.rank):
+            outside = "free" if unknown is None else f"of rank {unknown}"
             warn_caller(
-                f"{label}: some of its cells, of rank {one.rank}, lie beyond the map, where with "
-                f"unknown={unknown} all is "
-                f"{'free' if unknown is None else f'of rank {unknown}'}: they are left out; "
-                f"expected a larger map, or unknown={one.rank}",
+                f"{label}: some of its cells, of rank {region.rank}, lie beyond the map, where "
+                f"with unknown={unknown} all is {outside}: they are left out; "
+                f"expected a larger map, or unknown={region.rank}",
             )
     return classes
 
@@ -125,26 +118,28 @@ def _of_mask_file(
 def of_mask(raster: Raster, label: str, fields: dict[str, Any]) -> list[MapClass]:
     """Return the classes of a mask: one keepout, or one for each speed limit in it.
 
-    The fields are those of `MapClass` but for the cells, with "base" and "multiplier" in place of
-    "limit"; `label` names it in messages.
+    The fields are those of `MapClass` without "cells". Graded speed limits have "base" and
+    "multiplier" in place of "limit". `label` is the mask's name in messages.
     """
     base, multiplier = fields.pop("base", None), fields.pop("multiplier", None)
     if base is None and multiplier is None:
-        return [MapClass(cells=raster.occupancy >= KNOWN_FREE, **fields)]
+        return [MapClass(cells=raster.occupancy >= FREE_BELOW, **fields)]
     if fields["kind"] != "speed" or "limit" in fields:
         raise InvalidInputError(
             f"{label}: got base and multiplier for the kind {fields['kind']!r}, expected them for "
             "the kind 'speed' alone, and no limit beside them"
         )
     base = finite_float(f"{label}: base", base)
-    slope = finite_float(f"{label}: multiplier", multiplier)
-    levels = [int(n) for n in np.unique(raster.occupancy) if n > 0 and base + slope * n > 0.0]
-    if len(levels) > MOST_LIMITS:
+    multiplier = finite_float(f"{label}: multiplier", multiplier)
+    levels = [level for level in np.unique(raster.occupancy).tolist() if level > 0]
+    limits = {level: base + multiplier * level for level in levels}
+    limits = {level: limit for level, limit in limits.items() if limit > 0.0}  # Nav2: others free
+    if len(limits) > MOST_LIMITS:
         raise InvalidInputError(
-            f"{label}: got {len(levels)} speed limits, expected at most {MOST_LIMITS}"
+            f"{label}: got {len(limits)} speed limits, expected at most {MOST_LIMITS}"
         )
-    stem = fields.pop("name")
+    name = fields.pop("name")
     return [
-        MapClass(f"{stem} {n}", cells=raster.occupancy == n, limit=base + slope * n, **fields)
-        for n in levels
+        MapClass(f"{name} {level}", cells=raster.occupancy == level, limit=limit, **fields)
+        for level, limit in limits.items()
     ]

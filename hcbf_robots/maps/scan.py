@@ -1,4 +1,4 @@
-"""What a range sensor sees, as strict pieces: for people and boxes that are in no map."""
+"""The scan of a range sensor as a strict condition: for people and boxes that are in no map."""
 
 from dataclasses import dataclass, field
 
@@ -23,45 +23,44 @@ from hcbf_gym.models.constants import ON_EARTH
 from hcbf_robots.maps import surfaces
 from hcbf_robots.maps.surfaces import EDGE
 
-FINE = 0.005  # by how much a surface may bend before it becomes two pieces [m]
-
-REACH = 6.0  # from the sensor [m]: by default nothing beyond is taken
+FINE = 0.005  # distance of points from a piece that is allowed besides the noise [m]
+REACH = 6.0  # from the sensor; by default points beyond are left out [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Scan(Several):
-    r"""The surfaces on which points lie, as straight pieces. Without a point all is free.
+    r"""Straight pieces along the surfaces that a sensor has met. Without a point all is free.
 
-    Stands in a list of barriers as one strict condition. Around its pieces
+    In a list of barriers a scan is one strict condition. As long as it is the newest scan, the
+    distance
 
     .. math:: m + 2 n + b + v \max(T, a)
 
-    is reserved as long as the scan is the newest: the margin m; the noise n, by which points miss
-    what was met; n + b, by which pieces may miss their points (b is `FINE`); and how far something
-    may have come. The latter is the speed v times the scan's age a at the end of the input's
-    period, and at least v T. A scan of another clock, or one older than a minute, is not accepted
-    unless nothing moves.
+    is reserved around its pieces. m is the margin. Points miss the surface by the noise n, and
+    pieces miss their points by up to n + b, with b = `FINE`. The last term is the motion of people
+    and things: their speed v times the scan's age a at the end of the input's period, and at least
+    v T. A scan of another clock, or one older than a minute, is accepted only if nothing moves.
 
     Args:
-        name: what infos and messages call it.
+        name: of the scan in infos and messages.
         points: (k, 2) in the sensor's axes [m], in the order in which its beam turns, as
-            `points_of` makes them of ranges; those that are not finite were not measured.
+            `points_of` returns them; infinite ones were not measured.
         pose: x [m], y [m] and yaw [rad] of the sensor in the world, when it measured.
-        period: how old the scan is at most before another one takes its place [s]; where it becomes
-            older, more is reserved.
-        speed: of the fastest thing around [m/s]; 0 where nothing moves.
+        period: T, the regular time until the next scan replaces this one [s]; an older scan
+            reserves more.
+        speed: v, of the fastest person or thing around [m/s]; 0 if nothing moves.
         rank: 1 is strict.
-        margin: reserved in any case [m].
-        noise: by how much a range is wrong at most [m]; of normal errors, three deviations.
-        depth: how far what is seen reaches behind its surface [m]. From where the sensor stood it
-            changes no distance; who has been pushed in is led out by the nearer side.
-        reach: how far away from the sensor something is taken, ahead and aside [m]; what a robot
-            must see is `VelocityFilter.horizon`.
-        stamp: when it was measured, on the clock of the plant or of `VelocityFilter.step` [s];
-            None counts from the first step that has it.
+        margin: m [m].
+        noise: n, the greatest error of a range [m]; of normal errors, three deviations.
+        depth: of the pieces, behind the surface [m]. Seen from the sensor it changes no distance. A
+            robot that was pushed into a piece is led out by its nearer side.
+        reach: points farther ahead or aside are left out [m]; a robot must see as far as
+            `VelocityFilter.horizon`.
+        stamp: time of the measurement, on the clock of the plant or of `VelocityFilter.step` [s];
+            None counts from the first step that has the scan.
 
     Raises:
-        InvalidInputError: if a number is not finite or out of range, or the points are no (k, 2).
+        InvalidInputError: if a number is not finite or out of range, or the points are not (k, 2).
 
     Examples:
         >>> points = points_of([1.0, np.inf], [0.0, 0.1])
@@ -99,51 +98,45 @@ class Scan(Several):
         object.__setattr__(self, "points", points)
         pieces = self._pieces(self.noise + self.period * self.speed)
         seen = SeenRegion(
-            self.name,
-            self.rank,
-            pieces=pieces,
-            margin=self.reserved,
-            stamp=self.stamp,
-            period=self.period,
-            speed=self.speed,
-        )
+            self.name, self.rank, pieces=pieces, margin=self.reserved,
+            stamp=self.stamp, period=self.period, speed=self.speed,
+        )  # fmt: skip
         object.__setattr__(self, "_seen", seen)
 
     @property
     def reserved(self) -> float:
-        """What is reserved around its pieces up to the age T, m + 2 n + b + v T [m]."""
+        """The distance that is reserved around the pieces up to the age T, see `reserved` [m]."""
         return reserved(self.noise, self.period, self.speed, self.margin)
 
     @property
     def conditions(self) -> tuple[Barrier, ...]:
-        """Its one barrier."""
+        """The one barrier of the scan."""
         return (self._seen,)
 
-    def _pieces(self, errors: float) -> Pieces:
-        """Return the pieces in the world, of whose margin errors [m] are a part."""
-        given = np.asarray(self.points)
-        if given.shape[1] != 2:
+    def _pieces(self, consumable: float) -> Pieces:
+        """Return the pieces in the world, of whose margin errors may consume a part [m]."""
+        points = np.asarray(self.points)
+        if points.shape[1] != 2:
             raise InvalidInputError(
-                f"{self.name}: points: got shape {given.shape}, expected (k, 2)"
+                f"{self.name}: points: got shape {points.shape}, expected (k, 2)"
             )
-        near = given[(np.abs(given) < self.reach).all(axis=1)]
+        near = points[(np.abs(points) < self.reach).all(axis=1)]
         x, y, yaw = self.pose
         cos, sin = np.cos(yaw), np.sin(yaw)
-        turn = np.array([[cos, sin], [-sin, cos]])
-        corners = surfaces.pieces(near, tolerance(self.noise), self.depth) @ turn + (x, y)
-        return Pieces(corners, np.full(len(corners), 4), self.pose, used=errors)
+        to_world = np.array([[cos, sin], [-sin, cos]])
+        corners = surfaces.pieces(near, tolerance(self.noise), self.depth) @ to_world + (x, y)
+        return Pieces(corners, np.full(len(corners), 4), self.pose, used=consumable)
 
 
 def tolerance(noise: float) -> float:
-    """Return n + b, how far a piece may be from the points that it fits [m]."""
+    """Return n + b, the greatest distance of a piece from its points [m]."""
     return noise + FINE
 
 
 def reserved(noise: float, period: float, speed: float, margin: float) -> float:
-    """Return m + 2 n + b + v T, what a scan reserves around its pieces [m].
+    """Return m + 2 n + b + v T, the distance that a scan reserves around its pieces [m].
 
-    A point is off by the noise n from what was met, and its piece by the tolerance n + b from the
-    point. T is the period and v the speed.
+    A point misses the surface by the noise n, and a piece misses the point by `tolerance`.
     """
     return margin + tolerance(noise) + (noise + period * speed)
 
@@ -151,43 +144,44 @@ def reserved(noise: float, period: float, speed: float, margin: float) -> float:
 def points_of(
     ranges: ArrayLike, angles: ArrayLike, name: str = "scan", moved: ArrayLike | None = None
 ) -> Array:
-    """Return the points (k, 2) that beams see, in the sensor's axes [m].
+    """Return the points (k, 2) that beams have met, in the sensor's axes [m].
 
     Args:
-        ranges: (n,) [m]; as ROS has it, +inf saw nothing, and −inf something nearer than can be
-            measured, which is taken for the sensor's own place. NaN is a beam that failed.
+        ranges: (n,) [m]. As in ROS, +inf is a beam that met nothing, and −inf one that met
+            something too near to be measured, which counts as range 0. NaN is a failed beam.
         angles: (n,) of the beams in the sensor's axes [rad], in their order.
-        name: what messages call them.
+        name: of the scan in messages.
         moved: (n, 3) x, y [m] and yaw [rad] of the sensor at each beam, in its axes at the stamp;
             None for a sensor that measures all at once, or is at rest.
 
     Raises:
         InvalidInputError: if there are not as many angles as ranges, or one is no number.
     """
-    far = _numbers(f"{text('name', name)}: ranges", ranges, 1)
-    turn = finite_array(f"{name}: angles", angles, (far.size,))
-    far = np.where(np.isneginf(far), 0.0, far)
-    if (far < 0.0).any():
-        raise InvalidInputError(f"{name}: ranges: got {far.min()} m, expected none below 0")
-    seen = np.isfinite(far)
-    poses = np.zeros((far.size, 3))
+    distances = _numbers(f"{text('name', name)}: ranges", ranges, 1)
+    directions = finite_array(f"{name}: angles", angles, (distances.size,))
+    distances = np.where(np.isneginf(distances), 0.0, distances)
+    if (distances < 0.0).any():
+        raise InvalidInputError(f"{name}: ranges: got {distances.min()} m, expected none below 0")
+    poses = np.zeros((distances.size, 3))
     if moved is not None:
         poses = finite_array(f"{name}: moved", moved, poses.shape)
-    turn = turn + poses[:, 2]
-    points = poses[seen, :2]
-    return points + far[seen, None] * np.column_stack([np.cos(turn), np.sin(turn)])[seen]
+    directions = directions + poses[:, 2]
+    units = np.column_stack([np.cos(directions), np.sin(directions)])
+    met = np.isfinite(distances)
+    return poses[met, :2] + distances[met, None] * units[met]
 
 
 def _numbers(name: str, values: ArrayLike, axes: int) -> Array:
-    """Return an array of numbers, finite or infinite."""
-    given = as_array(name, values)
-    given = given.reshape((0, 2)[:axes]) if given.size == 0 else given
-    if not holds_numbers(given.dtype) or given.ndim != axes:
+    """Return values as an array with so many axes, whose numbers are finite or infinite."""
+    array = as_array(name, values)
+    if array.size == 0:  # an empty list has no second axis
+        array = array.reshape((0, 2)[:axes])
+    if not holds_numbers(array.dtype) or array.ndim != axes:
         raise InvalidInputError(
             f"{name}: got {shown(values)}, expected {axes} axes of real numbers"
         )
-    if np.isnan(given).any():
+    if np.isnan(array).any():
         raise InvalidInputError(
             f"{name}: got NaN, expected numbers, +inf where nothing is in sight"
         )
-    return given.astype(np.float64)
+    return array.astype(np.float64)

@@ -1,42 +1,41 @@
-"""Which files an MJCF reads: included ones, attached models, meshes, textures, height fields."""
+"""Lists the files that an MJCF reads: included ones, attached models, meshes, textures, heights."""
 
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
 
-FOLDERS = ("meshdir", "texturedir", "assetdir")
-"""Attributes of ``<compiler>`` that say from where assets count."""
+FOLDER_ATTRIBUTES = ("meshdir", "texturedir", "assetdir")
+"""Attributes of ``<compiler>`` that name the folders of assets."""
 
 
 def read_by(mjcf: Path) -> set[Path]:
-    """Return a file and all that it reads, as far as they are there.
+    """Return an MJCF file and all existing files that it reads.
 
-    A name may mean several files, by the folders that any of them names: it means all.
+    MuJoCo's rules of folders are not followed exactly. Every name is looked for in every folder
+    that any of the files names, and all matches are returned.
     """
-    found, waiting = set[Path](), [mjcf]
+    files, waiting = set[Path](), [mjcf]
     folders = {mjcf.parent}
     names: set[str] = set()
     while waiting:
         file = waiting.pop()
-        if file in found or not file.is_file():
+        if file in files or not file.is_file():
             continue
-        found.add(file)
+        files.add(file)
+        folders.add(file.parent)
         for element in _elements(file):
-            given = element.attrib
-            own = [given[key] for key in FOLDERS if key in given]
-            folders |= {folder / name for folder in (mjcf.parent, file.parent) for name in own}
-            folders.add(file.parent)
-            names |= {value for key, value in given.items() if key.startswith("file")}
-        waiting += [
-            path for folder, name in product(folders, names)
-            if (path := folder / name) not in found and path.is_file()
-        ]  # fmt: skip
-    return found
+            for key, value in element.attrib.items():
+                if key in FOLDER_ATTRIBUTES:
+                    folders |= {mjcf.parent / value, file.parent / value}
+                elif key.startswith("file"):
+                    names.add(value)
+        waiting += [folder / name for folder, name in product(folders, names)]
+    return files
 
 
 def _elements(file: Path) -> Iterator[ElementTree.Element]:
-    """Yield the elements of an XML file; none of another one."""
+    """Yield the elements of an XML file; none of a file that is no XML, such as a mesh."""
     try:
         yield from ElementTree.parse(file).getroot().iter()
     except (ElementTree.ParseError, UnicodeDecodeError, ValueError):

@@ -1,18 +1,18 @@
-"""Measured against predicted motion of a robot that follows commands.
+"""Compares the measured motion of a robot with its twist and with its commands.
 
-MOTION compares positions with the measured twist, at the times of their measurement. RESPONSE
-compares them with the velocity v̂ that the response (`walker_response`) makes of the commands, over
-windows that double from W₀, the larger of τ + δ and `SHORTEST`. The response's residuals set the
-bounds: S is the greatest mean residual over the time in which the robot follows, D the part of it
-that remains over long times. "Failing closed" has the law, the core computes it
+The alarm MOTION compares positions with the measured twist, at the times of their measurement. The
+alarm RESPONSE compares them with the velocity v̂ that the response (`walker_response`) predicts from
+the commands, over windows that double from W₀, the larger of τ + δ and `SHORTEST_WINDOW`. The
+response's residuals set the bounds: S is the greatest mean residual over τ + δ, and D the part that
+remains over long times. "Failing closed" has the law, which the core computes
 (`motion_monitor.hpp`, `monitor.hpp`).
 
 A gait's oscillation hides many a fault in the missing motion. Motion that is late, scaled or turned
-correlates with v̂, the oscillation does not: so correlations over longer windows are compared, too.
+correlates with v̂, the oscillation does not. So correlations over longer windows count, too.
 
-An unmeasured robot follows with any τ and δ up to those that the rows assume. v̂ has the greatest
-of both, and a robot without either moves by q more: every robot between is near the line from 0 to
-q, and its distance from that line is compared.
+An unmeasured robot may follow with any τ and δ up to those that the rows assume. v̂ is computed with
+the greatest of both. A robot without lag and delay moves by q more than v̂. Every robot between is
+near the line from 0 to q, so its distance from that line is compared.
 """
 
 import math
@@ -21,20 +21,20 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym._core import Reason
-from hcbf_gym.arrays import Array, record_type, words_of
+from hcbf_gym.arrays import Array, Records, record_type, words_of
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response, assumed
 
-SHORTEST = 0.1  # the shortest window [s]: a few samples of any loop
-LASTING = 0.08  # D of an unmeasured robot, a share of its greatest speed
-BEYOND = 1.45  # K: hours show greater residuals than the minutes of identification
-ADDS_UP = _core.RESIDUALS_ADD_UP  # over how many W₀ residuals add up
-SHARE, DOUBTED = 0.15, 0.2
-"""a: share of the motion that may be missing or too much, and of an unmeasured robot."""
-ARC = 0.4
-"""A: how far from the line, as a share of its length, a robot is whose τ and δ are between. Of
-commands that swing at up to 5 rad/s it is no more, of faster ones hardly anything shows."""
-PAUSE = 1.5  # periods from one sample to the next, beyond which some are missing
+SHORTEST_WINDOW = 0.1  # a few samples of any loop [s]
+OBSERVED_FACTOR = 1.45  # K: hours show greater residuals than the minutes of identification
+RESIDUALS_ADD_UP = _core.RESIDUALS_ADD_UP  # for so many W₀ the residuals of an unmeasured robot add
+MEASURED_SHARE, UNMEASURED_SHARE = 0.15, 0.2
+"""a: the share of the motion that may be missing or too much."""
+UNMEASURED_LASTING = 0.08  # D as a share of the greatest speed
+UNMEASURED_ARC = 0.4
+"""A: the share of ‖q‖ by which τ and δ between 0 and the greatest cause a distance from the line.
+Commands that oscillate at up to 5 rad/s cause no more, faster ones hardly any motion."""
+REGULAR_PERIODS = 1.5  # between two samples; after a longer time some are missing
 
 
 class MotionMonitor:
@@ -43,9 +43,9 @@ class MotionMonitor:
     Args:
         command: the limits of its commands.
         response: how it follows; None, or one with complaints, gives wide bounds.
-        widened: by how much bounds are wider, where the plant is declared to be another one.
-        period: the longest regular time between two samples [s]; 0: positions are exact, and the
-            twist is not compared.
+        widened: factor of the bounds, above 1 where the declared plant is another one.
+        period: the longest regular time between two samples [s]; 0 means that positions are exact,
+            and the twist is not compared.
         hardest: the greatest acceleration of the point that follows [m/s²].
 
     Attributes:
@@ -73,39 +73,25 @@ class MotionMonitor:
         self.is_measured = response is not None and not known.complaints
         self._gains = np.array(known.gains(len(command.limits)))
         self._command = command
-        follows = max(known.follows, 1e-3)
-        most, share = BEYOND * known.deviation / follows, SHARE
-        lasting = known.residual[1] if known.lasting is None else known.lasting
-        lasting = min(known.deviation / follows, lasting)
-        if not self.is_measured:
-            most, share = known.deviation / (ADDS_UP * follows), DOUBTED
-            lasting = LASTING * command.fastest
-        law = np.zeros(1, dtype=record_type("motion_monitor.Law"))
-        law["tau"], law["delay"] = known.time_constant, known.delay
-        law["first"] = max(follows, SHORTEST)
-        law["most"], law["lasting"] = widened * most, widened * lasting
-        law["share"], law["forward"] = widened * share, command.forward
-        law["braking"], law["overshoot"] = known.braking, known.overshoot
-        law["arc"] = 0.0 if self.is_measured else widened * ARC
-        law["regular"], law["hardest"] = PAUSE * period, hardest
-        self._law = law
+        self._law = _law(command, known, self.is_measured, widened)
+        self._law["regular"], self._law["hardest"] = REGULAR_PERIODS * period, hardest
         self._notes = np.zeros(1, dtype=record_type("motion_monitor.Notes"))
 
     def reset(self) -> None:
-        """Start anew: after a reset, or where nothing is known of the robot's motion."""
+        """Forget all samples and commands, as after a reset of the robot."""
         self._notes[:] = 0
 
     def command(self, command: Array, time: float, until: float = math.inf) -> None:
-        """Note the robot's command (k,), in its own axes [m/s, rad/s], from a time on [s].
+        """Note a command (k,) of the robot, in its own axes [m/s, rad/s], from a time on [s].
 
-        From the time `until` on it is zero, which the robot may not yet follow.
+        From the time `until` on the command is zero, which the robot may not yet follow.
         """
-        follows = self._gains * command
-        ahead, aside = self._command.in_plane(follows)
-        words = words_of(self._notes)
-        _core.motion_note_command(words, (ahead, aside, follows[-1]), time, False)
+        expected = self._gains * command
+        ahead, aside = self._command.in_plane(expected)
+        notes = words_of(self._notes)
+        _core.motion_note_command(notes, (ahead, aside, expected[-1]), time, False)
         if until < math.inf:
-            _core.motion_note_command(words, (0.0, 0.0, 0.0), until, True)
+            _core.motion_note_command(notes, (0.0, 0.0, 0.0), until, True)
 
     def observe(self, pose: Array, velocity: Array, time: float) -> Reason:
         """Compare odometry with its predictions, and return RESPONSE, MOTION or NONE.
@@ -113,23 +99,44 @@ class MotionMonitor:
         Args:
             pose: (3,) x, y of the point that follows [m] and the heading [rad].
             velocity: (2,) of that point in the world [m/s].
-            time: of both [s]; one that does not increase counts nothing.
+            time: of both [s]; a sample whose time does not increase is ignored.
         """
         return Reason(_core.motion_observe(*self._words, pose, velocity, time))
 
     def propagate(self, pose: Array, twist: Array, since: float, now: float) -> float:
-        """Propagate a robot by its commands, and return what its position may be off [m].
+        """Propagate a robot by its commands, and return a bound on its position's error [m].
 
         Args:
-            pose: (3,) of the centre then [m, rad]; written to.
-            twist: (3,) of the centre then, in its own axes [m/s, rad/s]; written to.
+            pose: (3,) of the centre at the time `since` [m, rad]; overwritten with the present one.
+            twist: (3,) of the centre then, in its own axes [m/s, rad/s]; overwritten, too.
             since: the time of both [s].
             now: the present [s].
         """
-        ahead = self._command.look_ahead or 0.0
-        return _core.motion_propagate(*self._words, ahead, pose, twist, since, now)
+        look_ahead = self._command.look_ahead or 0.0
+        return _core.motion_propagate(*self._words, look_ahead, pose, twist, since, now)
 
     @property
     def _words(self) -> tuple[Array, Array]:
-        """Notes and law as the core takes them."""
+        """Notes and law, as the core takes them."""
         return words_of(self._notes), words_of(self._law)
+
+
+def _law(command: Command, known: Response, is_measured: bool, widened: float) -> Records:
+    """Return the core's record of the bounds, but for the regular period and the acceleration."""
+    follows = max(known.follows, 1e-3)
+    if is_measured:
+        lasting = known.residual[1] if known.lasting is None else known.lasting
+        lasting = min(known.deviation / follows, lasting)
+        most, share, arc = OBSERVED_FACTOR * known.deviation / follows, MEASURED_SHARE, 0.0
+    else:
+        lasting = UNMEASURED_LASTING * command.fastest
+        most = known.deviation / (RESIDUALS_ADD_UP * follows)
+        share, arc = UNMEASURED_SHARE, UNMEASURED_ARC
+    law = np.zeros(1, dtype=record_type("motion_monitor.Law"))
+    law["tau"], law["delay"] = known.time_constant, known.delay
+    law["first"] = max(follows, SHORTEST_WINDOW)
+    law["most"], law["lasting"] = widened * most, widened * lasting
+    law["share"], law["arc"] = widened * share, widened * arc
+    law["forward"] = command.forward
+    law["braking"], law["overshoot"] = known.braking, known.overshoot
+    return law

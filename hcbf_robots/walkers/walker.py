@@ -1,4 +1,4 @@
-"""A robot that takes velocities, by contract: a JSON file describes it and its controller.
+"""A robot that takes velocities, described by a contract: a JSON file of robot and controller.
 
 >>> cart = Walker.load("cart")
 >>> cart.command.limits  # (v, ω) [m/s, rad/s]
@@ -26,48 +26,43 @@ from hcbf_gym.errors import (
 from hcbf_gym.robots.body_points import radius, stand
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_robots import carts
-from hcbf_robots.walkers import walker_policy
+from hcbf_robots.walkers import walker_policy, walker_terms
 from hcbf_robots.walkers.mjcf_files import read_by
-from hcbf_robots.walkers.walker_model import Parts, indices, walker_spec
+from hcbf_robots.walkers.walker_model import FREE_JOINT_SIZE, Parts, indices, walker_spec
 from hcbf_robots.walkers.walker_parts import Action, Body, Command, Fall, Phase, Physics, spread
 from hcbf_robots.walkers.walker_policy import Controller
 from hcbf_robots.walkers.walker_response import Response
-from hcbf_robots.walkers.walker_terms import (
-    Observer,
-    Source,
-    Term,
-    add_touch_sensors,
-    read_terms,
-    sensors_of,
-)
+from hcbf_robots.walkers.walker_terms import Term
 
 SLOWEST_PERIOD = 0.2  # of a controller [s]
 
 NAMES = {name: carts.FOLDER / f"{name}.json" for name in ("cart", "holonomic-cart")}
-"""name → contract of the walkers that the package brings along."""
+"""Name → contract of the walkers that the package has."""
 
-_PARTS = {part.__name__.lower(): part for part in (Command, Action, Body, Fall, Phase, Physics)}
-_OPTIONAL = {"phase": None, "physics": Physics()}
+_RESPONSE = ".response.json"  # suffix of the file beside the contract
+_RECORDS = (Command, Action, Body, Fall, Phase, Physics)
+_SECTIONS = {record.__name__.lower(): record for record in _RECORDS}
+_DEFAULTS = {"phase": None, "physics": Physics()}  # of the sections that a contract may leave out
 
 
 @dataclass(frozen=True)
 class Walker:
-    """What a robot is that takes velocities, and the controller that makes it move.
+    """A robot that takes velocities, and the controller that moves it.
 
     Attributes:
-        name: what tables and messages call it.
+        name: the robot's name in tables and messages.
         mjcf: the robot's file.
-        policy: an ONNX file, ``module:function`` or ``file.py:function``.
+        policy: the controller: an ONNX file, ``module:function`` or ``file.py:function``.
         period: how long the controller holds an action [s].
-        observation: what the controller sees.
-        action: what its output does.
-        command: what it may be commanded.
+        observation: the terms that the controller observes.
+        action: how the controller's output drives the actuators.
+        command: the velocities that the robot may be commanded.
         body: the robot's body.
-        fall: when it counts as fallen.
+        fall: when the robot counts as fallen.
         phase: the controller's clock; None for none.
         physics: how the file is simulated.
         source: the contract's file.
-        response: how it follows commands, as `hcbf identify` measured it; None before.
+        response: how the robot follows commands, as `hcbf identify` measured it; None before.
     """
 
     name: str
@@ -89,8 +84,8 @@ class Walker:
         """Read a contract, and check it against the robot's file and the controller.
 
         Args:
-            path: of the JSON file, or a name of `NAMES`. Paths in the file count from its folder;
-                ``$NAME`` is an environment variable.
+            path: of the JSON file, or a name of `NAMES`. Paths in the file are relative to its
+                folder; ``$NAME`` is an environment variable.
 
         Raises:
             InvalidInputError: if a key is missing, unknown or malformed, or numbers do not fit.
@@ -108,55 +103,52 @@ class Walker:
     @property
     def response_file(self) -> Path:
         """Where `hcbf identify` writes the response: beside the contract."""
-        return _response_file(self.source)
+        return self.source.with_suffix(_RESPONSE)
 
     @property
     def files(self) -> list[Path]:
-        """What decides the robot: contract, MJCF with all that it reads, controller, response."""
+        """All files that define the robot: contract, MJCF and its parts, controller, response."""
         files = {self.source, self.response_file, *read_by(self.mjcf)}
         files |= set(walker_policy.files(self.policy, self.source.parent))
         return sorted(file for file in files if file.is_file())
 
     def spec(self) -> tuple[mujoco.MjSpec, Parts]:
         """Return the robot alone, as the contract changes it, and the names of its parts."""
-        sensors = sensors_of(self.observation)
+        sensors = walker_terms.sensors_of(self.observation)
         spec, parts = walker_spec(self.mjcf, self.body, self.action, self.physics, sensors)
-        add_touch_sensors(spec, self.observation)
+        walker_terms.add_touch_sensors(spec, self.observation)
         return spec, parts
 
     @cached_property
     def reach(self) -> float:
-        """Radius of the circle around the trunk's centre that holds the moving robot [m].
-
-        The contract's, or what follows from the geoms at home.
-        """
+        """Radius around the trunk that contains the moving robot, see `Body.reach` [m]."""
         if self.body.reach is not None:
             return self.body.reach
         spec, parts = self.spec()
         return radius(compile_spec(spec, self.mjcf), parts.trunk, parts.home)
 
     def scale(self, parts: Parts) -> Array:
-        """Return (k,) by which the controller's output is multiplied."""
+        """Return (k,) the factors of the controller's output."""
         return spread("action: scale", self.action.scale, len(parts.actuators))
 
     def offset(self, parts: Parts, at: Integers) -> Array:
-        """Return (k,) what is added to it: home, or nothing; `at` (k,) are the joints in qpos."""
+        """Return (k,) the offsets of the output: home of the joints `at` (k,) in qpos, or zeros."""
         if self.action.kind == "direct":
             return np.zeros(len(parts.actuators))
-        return parts.home[at - 7]
+        return parts.home[at - FREE_JOINT_SIZE]
 
     def controller(self, sizes: tuple[int, int], model: mujoco.MjModel) -> Controller:
         """Return the controller for one episode.
 
         Args:
-            sizes: n of the observation and k of the action.
+            sizes: number of entries of the observation and of the action.
             model: the compiled scene.
         """
         return walker_policy.make(self.policy, self.source.parent, sizes)(model, self.period)
 
     @cached_property
     def first_phase(self) -> Array:
-        """(p,) the clock's phases at the start [rad]; empty without a clock."""
+        """(p,) phases of the controller's clock at the start [rad]; empty without a clock."""
         return np.array([] if self.phase is None else self.phase.start, dtype=np.float64)
 
     def check(self) -> None:
@@ -167,48 +159,50 @@ class Walker:
         """
         spec, parts = self.spec()
         model = compile_spec(spec, self.mjcf)
-        ticks = self.period / model.opt.timestep
-        if abs(ticks - round(ticks)) > 1e-6 or ticks < 0.5:
-            raise InvalidInputError(
-                f"period: got {self.period} s, expected a multiple of the physics step of "
-                f"{model.opt.timestep:g} s"
-            )
-        if not (model.geom_contype.any() or model.geom_conaffinity.any()):
-            raise RobotModelError(
-                f"mjcf: got {self.mjcf} with no geom that touches anything, expected feet or "
-                "wheels whose contype or conaffinity is not 0"
-            )
+        self._check_model(model)
         data = mujoco.MjData(model)
         stand(data, np.zeros(2), self.body.height, 0.0, parts.home)
         mujoco.mj_forward(model, data)
-        at, k = indices(model, parts), len(parts.actuators)
-        self.scale(parts)
-        command = np.zeros(len(self.command.limits))
-        source = Source(model, data, parts, at, command, np.zeros(k), self.first_phase.copy())
-        observer = Observer(self.observation, source)
-        controller = self.controller((observer.size, k), model)
-        seen = observer.observe()
+        self.scale(parts)  # raises where the contract has another number of scales
+        count = len(parts.actuators)
+        places, command = indices(model, parts), np.zeros(len(self.command.limits))
+        phase, last_action = self.first_phase.copy(), np.zeros(count)
+        source = walker_terms.Source(model, data, parts, places, command, last_action, phase)
+        observer = walker_terms.Observer(self.observation, source)
+        controller = self.controller((observer.size, count), model)
+        observation = observer.observe()
         try:
-            action = np.asarray(controller(seen), dtype=np.float64)
+            action = np.asarray(controller(observation), dtype=np.float64)
         except HcbfError:
             raise
         except Exception as error:  # a user's own function
             raise InvalidInputError(
                 f"policy: {self.policy} raised {type(error).__name__}: {error}"
             ) from error
-        if action.shape != (k,) or not np.isfinite(action).all():
+        if action.shape != (count,) or not np.isfinite(action).all():
             raise InvalidInputError(
-                f"policy: got {action.tolist()} at the start, expected {k} finite numbers, one for "
-                f"each of {list(parts.actuators)}"
+                f"policy: got {action.tolist()} at the start, expected {count} finite numbers, one "
+                f"for each of {list(parts.actuators)}"
+            )
+
+    def _check_model(self, model: mujoco.MjModel) -> None:
+        """Refuse a period between two physics steps, and a robot that touches nothing."""
+        timestep = model.opt.timestep
+        ticks = self.period / timestep
+        if abs(ticks - round(ticks)) > 1e-6 or ticks < 0.5:
+            raise InvalidInputError(
+                f"period: got {self.period} s, expected a multiple of the physics step of "
+                f"{timestep:g} s"
+            )
+        if not (model.geom_contype.any() or model.geom_conaffinity.any()):
+            raise RobotModelError(
+                f"mjcf: got {self.mjcf} with no geom that touches anything, expected feet or "
+                "wheels whose contype or conaffinity is not 0"
             )
 
 
-def _response_file(contract: Path) -> Path:
-    return contract.with_suffix(".response.json")
-
-
 def _find(path: str | Path) -> Path:
-    """Return a contract's file."""
+    """Return the file of a contract that is given by its path or its name."""
     if not isinstance(path, str | Path):
         raise InvalidInputError(
             f"robot: got {shown(path)}, expected a contract's path or one of {list(NAMES)}"
@@ -216,10 +210,10 @@ def _find(path: str | Path) -> Path:
     if str(path) in NAMES:
         return NAMES[str(path)]
     if isinstance(path, str) and not path.endswith(".json"):
-        a1 = "; the A1, which takes accelerations, is 'HCBF-A1Regions-v0'" if path == "a1" else ""
+        hint = "; the A1, which takes accelerations, is 'HCBF-A1Regions-v0'" if path == "a1" else ""
         raise UnknownNameError(
             f"unknown robot: got {path!r}, expected a contract's path, which ends in .json, or one "
-            f"of {list(NAMES)}{a1}"
+            f"of {list(NAMES)}{hint}"
         )
     file = Path(_expanded("robot", str(path)))
     if not file.is_file():
@@ -228,42 +222,42 @@ def _find(path: str | Path) -> Path:
 
 
 def _read(file: Path) -> Walker:
-    """Return the contract in a file; nothing is checked against other files."""
+    """Return the walker of a contract, before it is checked against the MJCF and the controller."""
     data = records.read_json("robot", file)
     what = f"walker ({file})"
     records.check_mapping(what, data)
-    keys = [f.name for f in fields(Walker) if f.name not in ("source", "response")]
-    missing = [key for key in keys if key not in data and key not in _OPTIONAL]
+    keys = [field.name for field in fields(Walker) if field.name not in ("source", "response")]
+    missing = [key for key in keys if key not in data and key not in _DEFAULTS]
     unknown = sorted(set(data) - set(keys))
     if missing or unknown:
         raise InvalidInputError(
             f"{what}: got missing key(s) {missing} and unknown key(s) {unknown}, expected the keys "
             f"{keys}"
         )
-    values: dict[str, Any] = dict(_OPTIONAL)
-    for key, part in _PARTS.items():
+    sections: dict[str, Any] = dict(_DEFAULTS)
+    for key, section in _SECTIONS.items():
         if data.get(key) is not None:
             records.check_mapping(f"{what}: {key}", data[key])
-            values[key] = records.build(f"{what}: {key}", part, data[key])
-        elif key in data and key not in _OPTIONAL:
+            sections[key] = records.build(f"{what}: {key}", section, data[key])
+        elif key in data and key not in _DEFAULTS:
             raise InvalidInputError(f"{what}: {key}: got None, expected a mapping")
     texts = {key: _text(f"{what}: {key}", data[key]) for key in ("name", "mjcf", "policy")}
     period = finite_float(
         f"{what}: period", data["period"], minimum=0.0, maximum=SLOWEST_PERIOD, exclusive=True
     )
-    beside = _response_file(file)
-    response = Response.load(beside) if beside.is_file() else None
+    response_file = file.with_suffix(_RESPONSE)
+    response = Response.load(response_file) if response_file.is_file() else None
     if response is not None:
-        response.gains(len(values["command"].limits))  # fit
+        response.gains(len(sections["command"].limits))  # raises if their number does not fit
     return Walker(
         name=texts["name"],
         mjcf=file.parent / _expanded(f"{what}: mjcf", texts["mjcf"]),
         policy=_expanded(f"{what}: policy", texts["policy"]),
         period=period,
-        observation=read_terms(data["observation"]),
+        observation=walker_terms.read_terms(data["observation"]),
         source=file,
         response=response,
-        **values,
+        **sections,
     )
 
 
@@ -274,7 +268,7 @@ def _text(what: str, value: object) -> str:
 
 
 def _expanded(what: str, path: str) -> str:
-    """Return a path of the contract with its environment variables put in."""
+    """Return a path of the contract with its environment variables expanded."""
     try:
         return records.expanded(what, path)
     except InvalidInputError as error:

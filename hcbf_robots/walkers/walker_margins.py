@@ -1,4 +1,8 @@
-"""What rows must reserve for a robot that takes velocities: the one law of its margins."""
+"""The margins of a robot that takes velocities, derived from how it follows its commands.
+
+Rows reserve a distance, a speed limit reserves a speed, and U shrinks to what the robot can brake.
+`uncertainty` has the law; the walkers' environments and `VelocityFilter` both use it.
+"""
 
 import math
 
@@ -19,50 +23,46 @@ from hcbf_gym.models.plant import CAUTIOUS, Uncertainty
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import Response
 
-LEAST_DISTANCE = 0.02  # what rows reserve for any robot [m]
-LEAST_SPEED = 0.05  # what a speed limit reserves for any robot [m/s]
-BEYOND = 1.1
-"""Of the overshoot that a speed limit reserves: a minute does not show the worst of an hour."""
-SETTLES = 1.0 / LogClassK().derivative(0.0) + 1.0 / CAUTIOUS
-"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: by so much times a velocity error that stays, as in
-a long turn, the robot settles nearer than its row requires."""
-FARTHER = 1.25  # of τ + δ + T that the body continues with a velocity error
-MOST = 0.25  # what the tracking error may add to a row [m]
-SOONER = 4.0  # how often a late body's path beyond its margin is added to its stopping distance
+LEAST_DISTANCE = 0.02  # that rows reserve for any robot [m]
+LEAST_SPEED = 0.05  # that a speed limit reserves for any robot [m/s]
+OVERSHOOT_FACTOR = 1.1  # a minute of identification does not show the greatest overshoot of an hour
+SETTLING_TIME = 1.0 / LogClassK().derivative(0.0) + 1.0 / CAUTIOUS
+"""1/α₁'(0) + 1/α₂' of the filter's own α's [s]: with a lasting velocity error e, as in a long turn,
+the robot settles nearer than its row requires by e times this time."""
+FADING_FACTOR = 1.25  # a velocity error that fades lasts for so many times τ + δ + T
+GREATEST_ERROR = 0.25  # that the tracking error may add to the distance of a row [m]
+ERROR_SHARE = 0.3  # share of the velocity error that a speed limit reserves
+LATE_PATH_FACTOR = 4.0  # how often the path beyond the margin is added to the stopping distance
 LATEST_OF_POINT, LATEST_OF_AXLE = 0.4, 0.5
-"""τ + δ from which on robots have entered what they drove straight at [s], such as move in every
-direction by up to 3 cm at .3 m/s, differential drives by 1 cm at .5 m/s and 14 cm at 1.5 m/s."""
-OVERSHOOT = 0.3  # share of the velocity error that a speed limit reserves
+"""τ + δ from which on robots entered what they drove straight at [s]: such as move in every
+direction by up to 3 cm at 0.3 m/s, differential drives by 1 cm at 0.5 m/s and 14 cm at 1.5 m/s."""
 
 
 def uncertainty(response: Response, period: float) -> Uncertainty:
-    """Return what rows must reserve for a robot, from how it follows.
+    """Return what rows and the speed limit must reserve for a robot.
 
-    A body that is faster towards a region than its command continues for ``τ + δ + T``. One that
-    stays faster by e settles nearer: with ḣ = v − e on the row v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m),
-    at h = m − (1/α₁' + 1/α₂') e. Its residual while it follows is reserved in any case. T is the
-    period between two inputs [s].
+    A body that is faster towards a region than its command stays so for ``τ + δ + T``. One that
+    remains faster by e settles nearer: with ḣ = v − e and v̇ = −(α₁' + α₂') v − α₁'α₂' (h − m), at
+    h = m − (1/α₁' + 1/α₂') e. The residual within τ + δ is reserved in any case. T is the period
+    between two inputs [s].
     """
     follows = response.follows
     _, often, _ = response.residual
     return Uncertainty(
         distance=LEAST_DISTANCE + often * follows,
-        per_velocity=max(SETTLES, FARTHER * (follows + period)),
+        per_velocity=max(SETTLING_TIME, FADING_FACTOR * (follows + period)),
         per_lead=1.0,
-        cap=MOST,
-        speed=LEAST_SPEED + BEYOND * response.overshoot,
-        speed_per_velocity=OVERSHOOT,
+        cap=GREATEST_ERROR,
+        speed=LEAST_SPEED + OVERSHOOT_FACTOR * response.overshoot,
+        speed_per_velocity=ERROR_SHARE,
     )
 
 
 def margins(response: Response, period: float, robot: str, more: float = 0.0) -> Uncertainty:
-    """Return `uncertainty`, and no less than a certificate of the robot found that it needs.
+    """Return `uncertainty`, or the greater values that a certificate of the robot found necessary.
 
-    Args:
-        response: of the robot.
-        period: T [s].
-        robot: its identity, see `certificates.robot_of`.
-        more: added to what rows [m] and the speed limit [m/s] reserve.
+    `robot` is its identity, see `certificates.robot_of`. `more` is added to the distance [m] and to
+    the speed [m/s].
     """
     law = uncertainty(response, period)
     law = law._replace(distance=law.distance + more, speed=law.speed + more)
@@ -70,10 +70,12 @@ def margins(response: Response, period: float, robot: str, more: float = 0.0) ->
 
 
 def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tuple[float, bool]:
-    """Return the cap on the speed [m/s], and whether nothing but the robot's motors sets it.
+    """Return the cap on the speed [m/s], and whether the robot's motors alone set it.
+
+    The user's cap `v_max` [m/s] counts before the scene's [m/s]; None means that there is none.
 
     Raises:
-        InvalidInputError: if the user's `v_max` is more than the robot may be commanded.
+        InvalidInputError: if the user's cap is more than the robot may be commanded.
     """
     most = command.forward
     if v_max is None:
@@ -90,9 +92,8 @@ def speed_cap(command: Command, v_max: float | None, scene: float | None) -> tup
 def speed_row(cap: float, reserved: float, is_own: bool) -> float:
     """Return v_max of the row of the speed limit [m/s].
 
-    Where the robot's own motors cap its speed, the row counts by what they exceed the greatest
-    command, ``v_max = m + √(m² + cap²)``, so that it leaves the model that command. m is what the
-    row reserves [m/s].
+    If the robot's own motors set the cap [m/s], the row must still permit the greatest command
+    after it has reserved the speed m [m/s]. That needs ``v_max = m + √(m² + cap²)``.
 
     Raises:
         InvalidInputError: if the row leaves no speed.
@@ -109,7 +110,7 @@ def speed_row(cap: float, reserved: float, is_own: bool) -> float:
 
 
 def warn_of_standing(cap: float, known: Uncertainty, response: Response) -> None:
-    """Warn of a cap [m/s] that leaves nothing at the error at which a robot usually follows."""
+    """Warn of a cap [m/s] that leaves no speed at the robot's median velocity error."""
     usual = known.speed + known.speed_per_velocity * response.residual[0]
     if not leaves_speed(cap, usual):
         warn_caller(
@@ -122,7 +123,7 @@ def warn_of_standing(cap: float, known: Uncertainty, response: Response) -> None
 
 
 def warn_of_lateness(command: Command, response: Response) -> None:
-    """Warn of a robot that follows later than any that stayed outside."""
+    """Warn of a robot that follows so late that such robots entered regions of rank 1."""
     latest = LATEST_OF_POINT if command.look_ahead is None else LATEST_OF_AXLE
     if response.follows >= latest:
         warn_caller(
@@ -134,34 +135,33 @@ def warn_of_lateness(command: Command, response: Response) -> None:
 
 
 def braked(input_set: InputSet, response: Response) -> InputSet:
-    """Return U, shrunk until the robot brakes as hard: no input is larger than that."""
+    """Return U, shrunk until its largest input is no harder than the robot brakes."""
     share = response.braking / input_set.radius
     return input_set if share >= 1.0 else input_set.scaled(share)
 
 
 def stops(response: Response, speed: float, input_set: InputSet) -> float | None:
-    """Return the deceleration with which a body stops that follows τ + δ later [m/s²].
+    """Return the deceleration with which a body that follows τ + δ later stops [m/s²].
 
-    It is None where its margin has room for its path meanwhile.
-
-    Until a body of the speed v slows down it moves by v (τ + δ). Its margin grows by c a (τ + δ),
-    and by `cap` at most, as the model brakes with a: no sooner than the lag itself, when U has no
-    more. So the rest of its path, ``x = (τ + δ) v − min(cap, c a (τ + δ))``, is taken from the
-    braking `SOONER` times: ``v² / (2 a) + SOONER x = v² / (2 stops)``. v is the greatest speed that
-    it is commanded [m/s].
+    Before it slows down, a body of the speed v moves by v (τ + δ). Meanwhile the model brakes with
+    a, and the margin grows by c a (τ + δ), but by no more than `GREATEST_ERROR`. The rest of the
+    path, ``x = (τ + δ) v − min(GREATEST_ERROR, c a (τ + δ))``, is taken `LATE_PATH_FACTOR` times
+    from the braking: ``v² / (2 a) + LATE_PATH_FACTOR x = v² / (2 stops)``. v is the greatest speed
+    that is commanded [m/s]. The result is None where no path is left.
     """
     able, follows = (1.0 - braking.RESERVE) * braking.weakest(input_set), response.follows
-    beyond = max(0.0, follows * speed - min(MOST, SETTLES * able * follows))
-    if beyond == 0.0:
+    late_path = max(0.0, follows * speed - min(GREATEST_ERROR, SETTLING_TIME * able * follows))
+    if late_path == 0.0:
         return None
-    return 1.0 / (1.0 / able + 2.0 * SOONER * beyond / speed**2) / (1.0 - braking.RESERVE)
+    stops_with = 1.0 / (1.0 / able + 2.0 * LATE_PATH_FACTOR * late_path / speed**2)
+    return stops_with / (1.0 - braking.RESERVE)  # the law of braking takes the reserve off again
 
 
 def axle_of(command: Command, response: Response, input_set: InputSet, v_max: float) -> Axle | None:
-    """Return what limits a differential drive; None of a robot that moves in every direction.
+    """Return the limits of a differential drive; None for a robot that moves in every direction.
 
-    Its rectangle of inputs turns with the heading, and lies in the largest ball within U. `v_max`
-    is the cap on its speed [m/s].
+    The axle's inputs are a rectangle that turns with the heading. It is inscribed in the largest
+    ball within U, so that it never leaves U. `v_max` is the cap on the speed [m/s].
     """
     if command.look_ahead is None:
         return None

@@ -1,4 +1,4 @@
-"""A walker's MJCF as the contract changes it: checked, its actuators found by name."""
+"""Checks a walker's MJCF, changes it as the contract requires, and finds its parts by name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,28 +14,29 @@ from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots.reader import actuator_limit, check_alone, compile_spec, load_spec
 from hcbf_robots.walkers.walker_parts import Action, Body, Physics, spread
 
-_DRIVEN = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_VISIBLE_GROUPS = 3  # groups of geoms that MuJoCo draws
+_SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+FREE_JOINT_SIZE = 7  # entries of the free joint in qpos, before those of the other joints
+_LAST_VISIBLE_GROUP = 2  # MuJoCo draws the groups 0, 1 and 2 of geoms
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Names in the file, as the contract or the file orders them."""
+    """The names of a walker's parts in its file, and the home position of its joints."""
 
-    trunk: str  # the body that floats
-    # the driven joints in the order of the controller's output; empty where actuators drive none
+    trunk: str  # the body with the free joint
+    # (k,) driven joints in the order of the controller's output; empty if actuators have no joint
     joints: tuple[str, ...]
-    actuators: tuple[str, ...]  # in the order of the controller's output
-    home: Array  # (j,) of every hinge and slide in the file's order [rad]
+    actuators: tuple[str, ...]  # (k,) in the order of the controller's output
+    home: Array  # (j,) position of every hinge and slide, in the file's order [rad, m]
 
 
 @dataclass(frozen=True)
 class Indices:
-    """Where a compiled scene has what the controller reads and drives."""
+    """The indices of a walker's parts in the arrays of a compiled scene."""
 
-    q: Integers  # (k,) of the driven joints in qpos
-    rate: Integers  # (k,) of them in qvel
-    ctrl: Integers  # (k,) of the actuators in ctrl
+    q: Integers  # (k,) the driven joints in qpos
+    rate: Integers  # (k,) the driven joints in qvel
+    ctrl: Integers  # (k,) the actuators in ctrl
 
 
 def walker_spec(
@@ -43,7 +44,7 @@ def walker_spec(
 ) -> tuple[mujoco.MjSpec, Parts]:
     """Return the robot alone, as the contract changes it, and the names of its parts.
 
-    Of the file's sensors those that are not read are left out, as each costs time.
+    Only the named sensors are kept, because MuJoCo computes all of them at every step.
 
     Raises:
         RobotModelError: if the file cannot be read, is no single robot that floats, or lacks a
@@ -58,21 +59,17 @@ def walker_spec(
     spec = load_spec(mjcf)
     for element in (*spec.keys, *spec.lights):  # the scene has lights, and keys would not fit it
         spec.delete(element)
-    have = [sensor.name for sensor in spec.sensors]
-    for name in sorted(sensors - set(have)):
-        raise RobotModelError(f"mjcf: got no sensor {name!r}, expected one of {have}")
-    for sensor in [sensor for sensor in spec.sensors if sensor.name not in sensors]:
-        spec.delete(sensor)
+    _keep_sensors(spec, sensors)
     _set_physics(spec, physics, joints)
     if action.gains is not None:
         _add_servos(spec, model, action.gains, joints)
         actuators = joints
-    _show(spec)
+    _show_collisions(spec)
     return spec, Parts(trunk, joints, actuators, home)
 
 
 def indices(model: mujoco.MjModel, parts: Parts) -> Indices:
-    """Return where a compiled scene has the parts."""
+    """Return the indices of the parts in a compiled scene."""
     joints = [model.joint(name).id for name in parts.joints]
     return Indices(
         model.jnt_qposadr[joints].astype(np.int64),
@@ -82,13 +79,14 @@ def indices(model: mujoco.MjModel, parts: Parts) -> Indices:
 
 
 def as_slice(places: Integers) -> slice | Integers:
-    """Return places as a slice where they follow each other, which is a view and faster."""
+    """Return consecutive indices as a slice, which reads a view without a copy; others as given."""
     first = int(places[0]) if len(places) else 0
-    follow = np.array_equal(places, first + np.arange(len(places)))
-    return slice(first, first + len(places)) if follow else places
+    is_consecutive = np.array_equal(places, first + np.arange(len(places)))
+    return slice(first, first + len(places)) if is_consecutive else places
 
 
 def _trunk(model: mujoco.MjModel, body: Body) -> str:
+    """Return the name of the one body that floats."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     names = [model.body(model.jnt_bodyid[j]).name for j in free]
     if len(free) != 1 or model.body_parentid[model.jnt_bodyid[free[0]]] != 0 or free[0] != 0:
@@ -106,7 +104,7 @@ def _trunk(model: mujoco.MjModel, body: Body) -> str:
 
 
 def _check_alone(model: mujoco.MjModel, trunk: str) -> None:
-    """Refuse what would turn the simulation into something else than one robot on the ground."""
+    """Refuse files with more than one robot, other gravity, or no mass."""
     check_alone("mjcf", model, trunk)
     if not np.allclose(model.opt.gravity, (0.0, 0.0, -GRAVITY), atol=0.01):
         raise RobotModelError(
@@ -118,37 +116,45 @@ def _check_alone(model: mujoco.MjModel, trunk: str) -> None:
 
 
 def _driven(model: mujoco.MjModel, action: Action) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of the driven joints and of their actuators, in the output's order."""
-    known = [model.actuator(i).name for i in range(model.nu)]
+    """Return the names of the driven joints, and of the actuators, in the output's order."""
     if action.actuators is not None:
+        known = [model.actuator(i).name for i in range(model.nu)]
         missing = [name for name in action.actuators if name not in known]
         if missing:
             raise RobotModelError(f"action: got no actuators {missing}, expected among {known}")
         return (), action.actuators
-    hinges = [model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in _DRIVEN]
-    joints = tuple(hinges) if action.joints is None else action.joints
-    missing = [name for name in joints if name not in hinges]
+    scalar_joints = [
+        model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in _SCALAR_JOINTS
+    ]
+    joints = tuple(scalar_joints) if action.joints is None else action.joints
+    missing = [name for name in joints if name not in scalar_joints]
     if missing or not joints:
-        raise RobotModelError(f"action: got no joints {missing}, expected among {hinges}")
-    by_joint: dict[int, str] = {}
-    for i in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
-        joint = int(model.actuator_trnid[i, 0])
-        if joint in by_joint:
-            raise RobotModelError(
-                f"action: got two actuators at {model.joint(joint).name!r}, expected one"
-            )
-        by_joint[joint] = known[i]
-    without = [name for name in joints if not by_joint.get(model.joint(name).id)]
+        raise RobotModelError(f"action: got no joints {missing}, expected among {scalar_joints}")
+    actuators = {model.joint(k).name: model.actuator(i).name for k, i in _at_joints(model).items()}
+    without = [name for name in joints if not actuators.get(name)]
     if without:
         raise RobotModelError(
             f"action: got no named actuator at the joints {without}, expected one at each"
         )
-    return joints, tuple(by_joint[model.joint(name).id] for name in joints)
+    return joints, tuple(actuators[name] for name in joints)
+
+
+def _at_joints(model: mujoco.MjModel) -> dict[int, int]:
+    """Return joint → the actuator that drives it, by their indices; refuse two at one joint."""
+    actuators: dict[int, int] = {}
+    for i in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist():
+        joint = int(model.actuator_trnid[i, 0])
+        if joint in actuators:
+            raise RobotModelError(
+                f"action: got two actuators at {model.joint(joint).name!r}, expected one"
+            )
+        actuators[joint] = i
+    return actuators
 
 
 def _home(model: mujoco.MjModel, action: Action, joints: tuple[str, ...]) -> Array:
-    """Return (j,) the start of every hinge and slide in the file's order."""
-    home = np.array(model.qpos0[7:])
+    """Return (j,) the start position of every hinge and slide, in the file's order."""
+    home = np.array(model.qpos0[FREE_JOINT_SIZE:])
     if len(home) != model.njnt - 1:
         raise RobotModelError("mjcf: got a ball joint, expected hinges and slides alone")
     if action.home is None:
@@ -165,11 +171,21 @@ def _home(model: mujoco.MjModel, action: Action, joints: tuple[str, ...]) -> Arr
             raise InvalidInputError(
                 f"action: home: got {value} for {name!r}, expected from {low:g} to {high:g}"
             )
-        home[model.jnt_qposadr[joint] - 7] = value
+        home[model.jnt_qposadr[joint] - FREE_JOINT_SIZE] = value
     return home
 
 
+def _keep_sensors(spec: mujoco.MjSpec, names: set[str]) -> None:
+    """Delete all sensors but the named ones, and refuse names that the file lacks."""
+    known = [sensor.name for sensor in spec.sensors]
+    for name in sorted(names - set(known)):
+        raise RobotModelError(f"mjcf: got no sensor {name!r}, expected one of {known}")
+    for sensor in [sensor for sensor in spec.sensors if sensor.name not in names]:
+        spec.delete(sensor)
+
+
 def _set_physics(spec: mujoco.MjSpec, physics: Physics, joints: tuple[str, ...]) -> None:
+    """Set the options and the joints to the contract's values."""
     option = spec.option
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a divergence is reported
     if physics.cone is not None:
@@ -180,12 +196,14 @@ def _set_physics(spec: mujoco.MjSpec, physics: Physics, joints: tuple[str, ...])
 
 
 def _set(element: Any, physics: Physics, names: tuple[str, ...]) -> None:
-    """Set attributes to the contract's values; where MuJoCo has an array, its first entry."""
+    """Set attributes to the contract's values, but for those that it leaves out."""
     for name in names:
         value, before = getattr(physics, name), getattr(element, name)
-        if value is not None:
-            one = np.ndim(before) == 0
-            setattr(element, name, value if one else np.eye(1, len(before))[0] * value)
+        if value is None:
+            continue
+        if np.ndim(before) > 0:  # of damping MuJoCo has the coefficients of a polynomial
+            value = np.array([value] + [0.0] * (len(before) - 1))
+        setattr(element, name, value)
 
 
 def _add_servos(
@@ -194,10 +212,11 @@ def _add_servos(
     gains: Mapping[str, tuple[float, ...]],
     joints: tuple[str, ...],
 ) -> None:
-    """Replace the file's actuators by position servos that keep their torque limits."""
+    """Replace the file's actuators by position servos with the same torque limits."""
     kp = spread("action: gains: kp", gains["kp"], len(joints))
     kd = spread("action: gains: kd", gains["kd"], len(joints))
-    limits = [_limit(model, name) for name in joints]
+    actuators = _at_joints(model)  # the joints' own actuatorfrcrange is not touched
+    limits = [actuator_limit(model, actuators[model.joint(name).id]) for name in joints]
     for actuator in spec.actuators:
         spec.delete(actuator)
     for k, name in enumerate(joints):
@@ -209,19 +228,8 @@ def _add_servos(
             servo.forcerange = (-limits[k], limits[k])
 
 
-def _limit(model: mujoco.MjModel, name: str) -> float:
-    """Return what a joint's actuator gives at most [N·m]; infinite where the file has no limit."""
-    joint = model.joint(name).id
-    drives = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
-        model.actuator_trnid[:, 0] == joint
-    )
-    return actuator_limit(
-        model, int(np.flatnonzero(drives)[0])
-    )  # its actuatorfrcrange holds anyhow
-
-
-def _show(spec: mujoco.MjSpec) -> None:
-    """Draw what collides where the file has no meshes to be drawn."""
+def _show_collisions(spec: mujoco.MjSpec) -> None:
+    """Let MuJoCo draw the geoms that collide, in a file that has no meshes to draw."""
     if not any(geom.type == mujoco.mjtGeom.mjGEOM_MESH for geom in spec.geoms):
         for geom in spec.geoms:
-            geom.group = min(geom.group, _VISIBLE_GROUPS - 1)
+            geom.group = min(geom.group, _LAST_VISIBLE_GROUP)

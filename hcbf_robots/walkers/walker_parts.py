@@ -1,4 +1,4 @@
-"""The parts of a walker's contract, one record for each, checked as they are made."""
+"""The sections of a walker's contract, one record for each, checked as they are constructed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,8 +17,7 @@ HEADINGS = {
 }
 KINDS = {"position": "home + scale × action", "direct": "scale × action"}  # an actuator's input
 CONES = ("pyramidal", "elliptic")
-
-MOST = 20.0  # of a command [m/s, rad/s, m]: beyond, the numbers are cm/s or degrees
+GREATEST_LIMIT = 20.0  # of a command [m/s, rad/s, m]; greater numbers are cm/s or degrees
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,8 @@ class Command:
         forward: greatest speed ahead and back [m/s], positive.
         turn: greatest turning rate [rad/s], positive.
         sideways: greatest speed to either side [m/s]; None for a differential drive.
-        look_ahead: ℓ, of a differential drive alone: how far before its centre the point lies that
-            moves in any direction [m].
+        look_ahead: ℓ, how far before the centre of a differential drive the point lies that moves
+            in any direction [m]; None for a robot that moves sideways.
         heading: a name of `HEADINGS`; a differential drive's heading follows from its motion.
 
     Raises:
@@ -46,17 +45,17 @@ class Command:
     heading: str = "velocity"
 
     def __post_init__(self) -> None:
+        if isinstance(self.sideways, int | float) and self.sideways == 0.0:
+            raise InvalidInputError(
+                "command: sideways: got 0, expected a number > 0; a differential drive has no "
+                "sideways and a look_ahead instead [m]: how far before its axle the point lies "
+                "that follows, about half of its length"
+            )
         for name in ("forward", "turn", "sideways", "look_ahead"):
             value = getattr(self, name)
-            if name == "sideways" and isinstance(value, int | float) and value == 0.0:
-                raise InvalidInputError(
-                    "command: sideways: got 0, expected a number > 0; a differential drive has no "
-                    "sideways and a look_ahead instead [m]: how far before its axle the point lies "
-                    "that follows, about half of its length"
-                )
             if value is not None or name in ("forward", "turn"):
-                label = f"command: {name}"
-                number = finite_float(label, value, minimum=0.0, maximum=MOST, exclusive=True)
+                label, most = f"command: {name}", GREATEST_LIMIT
+                number = finite_float(label, value, minimum=0.0, maximum=most, exclusive=True)
                 object.__setattr__(self, name, number)
         if (self.sideways is None) == (self.look_ahead is None):
             raise InvalidInputError(
@@ -67,19 +66,19 @@ class Command:
         choose("heading", self.heading, HEADINGS)
 
     def in_plane(self, command: Array) -> Array:
-        """Return (…, 2) the velocity of the point that follows, of commands (…, k), in its axes."""
+        """Return the velocities (…, 2) in the robot's axes that commands (…, k) give its point."""
         if self.look_ahead is None:
             return command[..., :2]
         return command * np.array([1.0, self.look_ahead])
 
     @property
     def fastest(self) -> float:
-        """The greatest speed of the robot, along its axes; a cart's is that of its axle [m/s]."""
+        """The greatest speed along one of the robot's axes, of an axle without its point [m/s]."""
         return self.forward if self.sideways is None else max(self.forward, self.sideways)
 
     @property
     def limits(self) -> Array:
-        """(k,) of the controller's command: (v_x, v_y, ω), or (v, ω)."""
+        """(k,) the greatest command: (v_x, v_y, ω), or (v, ω) [m/s, rad/s]."""
         if self.sideways is None:
             return np.array([self.forward, self.turn])
         return np.array([self.forward, self.sideways, self.turn])
@@ -87,12 +86,12 @@ class Command:
 
 @dataclass(frozen=True)
 class Action:
-    """What the controller's output does.
+    """How the controller's output drives the actuators.
 
     Args:
-        scale: of the output, a number or one for each actuator.
+        scale: factor of the output, one for all actuators or one for each.
         kind: a name of `KINDS`.
-        home: (k,) joint positions of the start, in the order of the joints [rad].
+        home: (k,) joint positions at the start, in the order of the joints [rad].
         joints: names of the driven joints in the order of the output; None means every hinge and
             slide in the file's order, each with the actuator that drives it.
         actuators: names of actuators that drive no joint of their own; they replace `joints`.
@@ -101,7 +100,7 @@ class Action:
             keeps the file's actuators.
 
     Raises:
-        InvalidInputError: on a number that is none, names that are none, or both kinds of names.
+        InvalidInputError: on malformed numbers or names, or if both joints and actuators are named.
         UnknownNameError: if there is no such kind.
     """
 
@@ -115,8 +114,9 @@ class Action:
     def __post_init__(self) -> None:
         choose("kind of action", self.kind, KINDS)
         for name in ("joints", "actuators"):
-            given = getattr(self, name)
-            object.__setattr__(self, name, None if given is None else names(name, given))
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, names(name, value))
         if self.joints is not None and self.actuators is not None:
             raise InvalidInputError("action: got joints and actuators, expected one of them")
         object.__setattr__(self, "scale", numbers("action: scale", self.scale))
@@ -133,10 +133,10 @@ class Action:
 
 @dataclass(frozen=True)
 class Phase:
-    """A clock that walks with the robot, φ_i = start_i + 2π f t."""
+    """The clock of a gait, with the phases φ_i = start_i + 2π f t."""
 
     frequency: float  # f [Hz], positive
-    start: tuple[float, ...] = (0.0,)  # (k,) of every foot at the start [rad]
+    start: tuple[float, ...] = (0.0,)  # (p,) the phase of every foot at the start [rad]
 
     def __post_init__(self) -> None:
         finite_float("phase: frequency", self.frequency, minimum=0.0, maximum=100.0, exclusive=True)
@@ -146,10 +146,10 @@ class Phase:
 
 @dataclass(frozen=True)
 class Fall:
-    """When the robot counts as fallen."""
+    """The limits of the trunk's pose, beyond which the robot counts as fallen."""
 
-    height: float  # of the trunk's origin below which it has [m]
-    tilt: float = 1.0  # of the trunk's vertical axis above which it has [rad]
+    height: float  # least height of the trunk's origin [m]
+    tilt: float = 1.0  # greatest angle between the trunk's vertical axis and the world's [rad]
 
     def __post_init__(self) -> None:
         finite_float("fall: height", self.height, minimum=0.0, maximum=100.0)
@@ -158,39 +158,37 @@ class Fall:
 
 @dataclass(frozen=True)
 class Physics:
-    """How the file is simulated; None takes what it has."""
+    """The physical parameters of the simulation; None takes the file's."""
 
-    timestep: float | None = None  # [s]; None takes the file's
-    friction: float = 0.6  # of the floor, which decides alone
-    cone: str | None = None  # of the contacts, "pyramidal" or "elliptic"; None takes the file's
-    impratio: float | None = None  # of the contacts; None takes the file's
-    armature: float | None = None  # of every driven joint [kg·m²]; None takes the file's
-    damping: float | None = None  # of every driven joint [N·m·s/rad]; None takes the file's
-    frictionloss: float | None = None  # of every driven joint [N·m]; None takes the file's
+    timestep: float | None = None  # [s]
+    friction: float = 0.6  # of every contact with the floor, whatever the other geom's
+    cone: str | None = None  # friction cone of the contacts, one of `CONES`
+    impratio: float | None = None  # of the contacts [-], as MuJoCo defines it
+    armature: float | None = None  # of every driven joint [kg·m²]
+    damping: float | None = None  # of every driven joint [N·m·s/rad]
+    frictionloss: float | None = None  # of every driven joint [N·m]
 
     def __post_init__(self) -> None:
         finite_float("physics: friction", self.friction, minimum=0.0, maximum=10.0, exclusive=True)
         if self.cone is not None:
             choose("cone", self.cone, dict.fromkeys(CONES))
-        for name, most in (("timestep", 0.02), ("impratio", 1e4)):
+        ranges = {"timestep": (1e-4, 0.02), "impratio": (1e-4, 1e4)}
+        ranges |= dict.fromkeys(("armature", "damping", "frictionloss"), (0.0, 1e3))
+        for name, (least, most) in ranges.items():
             value = getattr(self, name)
             if value is not None:
-                finite_float(f"physics: {name}", value, minimum=1e-4, maximum=most)
-        for name in ("armature", "damping", "frictionloss"):
-            value = getattr(self, name)
-            if value is not None:
-                finite_float(f"physics: {name}", value, minimum=0.0, maximum=1e3)
+                finite_float(f"physics: {name}", value, minimum=least, maximum=most)
 
 
 @dataclass(frozen=True)
 class Body:
-    """What of the file is the robot's body.
+    """The robot's trunk, its height at the start, and the robot's size.
 
     Args:
-        trunk: name of the body that floats; None takes the one with the free joint.
-        height: of its origin above flat ground at the start [m].
-        reach: radius of the circle around its centre that holds the moving robot [m]; None derives
-            it from the geoms at home.
+        trunk: name of the body with the free joint; None finds it.
+        height: height of the trunk's origin above flat ground at the start [m].
+        reach: radius of the circle around the trunk's centre that contains the moving robot [m];
+            None derives it from the geoms with the joints at home.
     """
 
     height: float
@@ -206,7 +204,7 @@ class Body:
 
 
 def names(what: str, value: object) -> tuple[str, ...]:
-    """Return a list of different names as a tuple, or raise InvalidInputError."""
+    """Return a non-empty list of different names as a tuple, or raise InvalidInputError."""
     listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
     if not listed or not all(isinstance(name, str) and name for name in listed):
         raise InvalidInputError(f"{what}: got {value!r}, expected a list of names")
@@ -216,26 +214,27 @@ def names(what: str, value: object) -> tuple[str, ...]:
 
 
 def numbers(what: str, value: object) -> tuple[float, ...]:
-    """Return numbers, or one for all, as a tuple, or raise InvalidInputError."""
-    listed = isinstance(value, list | tuple | np.ndarray)
-    array = finite_array(what, value if listed else [value], (None,), largest=1e6)
+    """Return one number or a list of numbers as a tuple, or raise InvalidInputError."""
+    listed = value if isinstance(value, list | tuple | np.ndarray) else [value]
+    array = finite_array(what, listed, (None,), largest=1e6)
     if not array.size:
         raise InvalidInputError(f"{what}: got an empty list, expected a number or one for each")
     return tuple(array.tolist())
 
 
 def spread(what: str, values: tuple[float, ...], count: int) -> Array:
-    """Return (count,) numbers of as many, or of one for all, or raise InvalidInputError."""
+    """Return (count,) numbers, from as many or from one for all, or raise InvalidInputError."""
     if len(values) not in (1, count):
         raise InvalidInputError(f"{what}: got {len(values)} numbers, expected 1 or {count}")
     return np.broadcast_to(np.array(values), count).copy()
 
 
 def _gains(value: Any) -> Mapping[str, tuple[float, ...]]:
+    """Return the checked gains kp and kd of servos, none of them negative."""
     records.check_mapping("action: gains", value)
     if set(value) != {"kp", "kd"}:
         raise InvalidInputError(f"action: gains: got {sorted(value)}, expected ['kd', 'kp']")
     gains = {name: numbers(f"action: gains: {name}", value[name]) for name in ("kp", "kd")}
-    if min(min(part) for part in gains.values()) < 0.0:
+    if min(*gains["kp"], *gains["kd"]) < 0.0:
         raise InvalidInputError(f"action: gains: got {value!r}, expected none below 0")
     return gains

@@ -1,4 +1,4 @@
-"""A walker's own controller: a network in an ONNX file, or a function of the user's."""
+"""Loads a walker's controller: a network in an ONNX file, or a user's function."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,24 +12,25 @@ from hcbf_gym.errors import InvalidInputError, RobotModelError
 
 
 class Controller(Protocol):
-    """What turns an observation into an action; one is made for every episode."""
+    """Turns an observation into an action, throughout one episode."""
 
     def __call__(self, observation: Array) -> Array:
-        """Return (k,) the action."""
+        """Return the action (k,) for an observation (n,)."""
         ...
 
 
 Maker = Callable[[mujoco.MjModel, float], Controller]
-"""(the compiled scene, the controller's period [s]) → a controller for one episode."""
+"""Returns a controller for one episode, from the compiled scene and the controller's period [s]."""
 
 
 def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
-    """Return what makes a controller for an episode.
+    """Return the function that makes a controller for each episode.
 
     Args:
-        policy: path to an ONNX file, or ``module:function`` or ``file.py:function`` with a `Maker`.
-        folder: from which a relative path counts.
-        sizes: n of the observation and k of the action.
+        policy: path to an ONNX file, or the name of a `Maker`, ``module:function`` or
+            ``file.py:function``.
+        folder: the contract's, to which paths are relative.
+        sizes: number of entries of the observation (n) and of the action (k).
 
     Raises:
         MissingDependencyError: if the network needs the extra `walkers`.
@@ -47,16 +48,16 @@ def make(policy: str, folder: Path, sizes: tuple[int, int]) -> Maker:
             f"policy: got {policy!r}, expected a path that ends in .onnx, module:function or "
             "file.py:function"
         )
-    return loading.function("policy", _beside(policy, folder))
+    return loading.function("policy", _in_folder(policy, folder))
 
 
 def files(policy: str, folder: Path) -> list[Path]:
-    """Return the files of a controller: its network, or its module's; arguments as `make` has."""
+    """Return the file of a controller's network, or the files of a user's module."""
     if policy.endswith(".onnx"):
         return [folder / policy]
-    return loading.files(_beside(policy, folder))
+    return loading.files(_in_folder(policy, folder))
 
 
-def _beside(policy: str, folder: Path) -> str:
-    """Return a function's name, whose file counts from a folder."""
+def _in_folder(policy: str, folder: Path) -> str:
+    """Return a function's name, with its file, if it has one, in the folder."""
     return str(folder / policy) if policy.partition(":")[0].endswith(".py") else policy

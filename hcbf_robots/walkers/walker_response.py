@@ -16,31 +16,31 @@ from hcbf_gym import records
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_robots.walkers.walker_parts import Command
 
-LASTING = 4.0  # over which the residual has averaged out [s]
-LEAST_GAIN = 0.5  # a robot that gives less of the commanded speed does not follow
-MOST_GAIN = 1.5  # a gain beyond is taken for an error of measurement
+AVERAGING_TIME = 4.0  # over which a gait's oscillation averages out [s]
+LEAST_GAIN = 0.5  # with a smaller gain a robot does not follow its commands
+MOST_GAIN = 1.5  # a greater gain is taken for an error of the measurement
 
 
 @dataclass(frozen=True)
 class Response:
-    """How a robot follows, as `hcbf identify` measured it; what is left out is taken for slow.
+    """How a robot follows its commands; the defaults are those of a slow, unmeasured robot.
 
     Args:
         gain: (k,) g of every entry of the command; empty for 1 each.
         time_constant: τ of the slowest axis of the velocity [s].
         delay: δ of that axis [s].
         residual: quantiles of ‖w‖ in the plane [m/s]: 50, 95 and 99.9 %.
-        deviation: of positions from the model's, at most in 99.9 % of the time, over the time
-            that the model takes to follow [m].
+        deviation: how far a position is from the model's after the time τ + δ, at most in 99.9 % of
+            the time [m].
         overshoot: by how much the speed of the fast robot exceeds all commands within a
             second, in 99.9 % of the time [m/s].
-        rise: from 10 to 90 % of a step of the speed [s].
-        stopping: how far the robot moves after the command has become zero [m].
+        rise: time from 10 to 90 % of a step of the speed [s].
+        stopping: the path after the command has become zero [m].
         braking: deceleration of such a stop, from 90 to 10 % of the speed [m/s²].
-        falls: how often it fell meanwhile.
+        falls: how often the robot fell while it was observed.
         seconds: how long it was observed [s].
-        lasting: mean of w over `LASTING` in 99.9 % of the time, beyond a share of the motion:
-            the part that does not average out [m/s]; None if it is unmeasured.
+        lasting: mean of w over `AVERAGING_TIME` in 99.9 % of the time, beyond a share of the
+            motion: the part that does not average out [m/s]; None if it is unmeasured.
 
     Raises:
         InvalidInputError: on a number out of range.
@@ -63,17 +63,16 @@ class Response:
         for name, count in (("gain", None), ("residual", 3)):
             array = finite_array(f"response: {name}", getattr(self, name), (count,), largest=100.0)
             object.__setattr__(self, name, tuple(array.tolist()))
-        half, often, almost = self.residual
-        if not 0.0 <= half <= often <= almost:
+        half, often, nearly_always = self.residual
+        if not 0.0 <= half <= often <= nearly_always:
             raise InvalidInputError(
                 f"response: residual: got {self.residual}, expected three quantiles, none below 0 "
                 "and none below the one before"
             )
-        for name in (
-            field.name for field in fields(self) if field.name not in ("gain", "residual")
-        ):
-            value = getattr(self, name)
-            if name != "lasting" or value is not None:
+        for field in fields(self):
+            value, name = getattr(self, field.name), field.name
+            is_unmeasured = name == "lasting" and value is None
+            if name not in ("gain", "residual") and not is_unmeasured:
                 finite_float(f"response: {name}", value, minimum=0.0, exclusive=name == "braking")
 
     @classmethod
@@ -88,13 +87,13 @@ class Response:
         return records.build(f"response ({path})", cls, data)
 
     def save(self, path: Path) -> None:
-        """Write a JSON file, atomically."""
+        """Write the response as a JSON file, atomically."""
         records.make_folder(path.parent)
         with records.whole(path) as partial:
             partial.write_text(json.dumps(records.plain(asdict(self)), indent=2) + "\n", "utf-8")
 
     def gains(self, count: int) -> tuple[float, ...]:
-        """Return g of each of the `count` entries of a command.
+        """Return (count,) the gain of each entry of a command.
 
         Raises:
             InvalidInputError: if there is another number of gains.
@@ -108,40 +107,41 @@ class Response:
 
     @property
     def follows(self) -> float:
-        """How long a command takes to show, τ + δ [s]."""
+        """Time until the robot has followed 63 % of a step of its command, τ + δ [s]."""
         return self.time_constant + self.delay
 
     @property
     def complaints(self) -> list[str]:
-        """Where the robot does not follow, a sentence for each; empty where it does."""
-        found = [
-            f"entry {k} of the command: the robot gives {gain:.2f} of it"
-            + (", against its sign" if gain < 0.0 else "")
-            for k, gain in enumerate(self.gain)
-            if not LEAST_GAIN <= gain <= MOST_GAIN
-        ]
+        """A sentence for each reason that the robot does not follow; empty where it does."""
+        sentences = []
+        for k, gain in enumerate(self.gain):
+            if not LEAST_GAIN <= gain <= MOST_GAIN:
+                reversed_sign = ", against its sign" if gain < 0.0 else ""
+                sentences.append(
+                    f"entry {k} of the command: the robot gives {gain:.2f} of it{reversed_sign}"
+                )
         if self.falls:
-            found.append(f"the robot fell {self.falls} times in {self.seconds:g} s")
-        return found
+            sentences.append(f"the robot fell {self.falls} times in {self.seconds:g} s")
+        return sentences
 
 
-UNKNOWN = Response()  # assumed of an unmeasured robot of 1 m/s: it is slow, and oscillates
+UNKNOWN = Response()  # assumed of an unmeasured robot of 1 m/s, which is slow and oscillates
 
 
 def assumed(command: Command) -> Response:
-    """Return what is assumed of an unmeasured robot, by the limits of its commands.
+    """Return the response that is assumed of an unmeasured robot, by the limits of its commands.
 
-    Speeds and paths of `UNKNOWN` grow with the greatest speed. A slow robot on wheels has less of
-    both; one that also moves sideways may have legs, which oscillate as much when they are slow:
-    its overshoot alone is less.
+    The speeds and paths of `UNKNOWN` are scaled with the greatest speed. On wheels a robot of less
+    than 1 m/s has less of both. One that also moves sideways may have legs, which oscillate as much
+    when they are slow: there only the overshoot decreases.
     """
-    share = command.fastest
-    moves = share if command.look_ahead is not None else max(1.0, share)
-    half, often, almost = UNKNOWN.residual
+    speed_ratio = command.fastest
+    motion_ratio = speed_ratio if command.look_ahead is not None else max(1.0, speed_ratio)
+    half, often, nearly_always = UNKNOWN.residual
     return replace(
         UNKNOWN,
-        residual=(moves * half, moves * often, moves * almost),
-        deviation=moves * UNKNOWN.deviation,
-        overshoot=share * UNKNOWN.overshoot,
-        stopping=moves * UNKNOWN.stopping,
+        residual=(motion_ratio * half, motion_ratio * often, motion_ratio * nearly_always),
+        deviation=motion_ratio * UNKNOWN.deviation,
+        overshoot=speed_ratio * UNKNOWN.overshoot,
+        stopping=motion_ratio * UNKNOWN.stopping,
     )

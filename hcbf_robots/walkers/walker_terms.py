@@ -1,4 +1,7 @@
-"""The observation of a walker's controller, as a list of named terms; `TERMS` takes your own."""
+"""The observation of a walker's controller, which a contract lists as named terms.
+
+`TERMS` maps each name to a function that binds the term to a scene; new terms are added there.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,33 +11,33 @@ import mujoco
 import numpy as np
 
 from hcbf_gym import records
-from hcbf_gym.arrays import Array, Integers
+from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, RobotModelError, check_options, choose
-from hcbf_robots.walkers.walker_model import Indices, Parts, as_slice
+from hcbf_robots.walkers.walker_model import FREE_JOINT_SIZE, Indices, Parts, as_slice
 from hcbf_robots.walkers.walker_parts import names, numbers, spread
 
-TOUCH = 5.0  # the least force with which a body counts as touched [N]
+TOUCH_FORCE = 5.0  # the least force with which a body counts as touched [N]
 
 
 class Source(NamedTuple):
-    """All that terms read: the simulation, and arrays that the controller changes in place."""
+    """The simulation and the controller's arrays that terms read; all are changed in place."""
 
     model: mujoco.MjModel  # the compiled scene
     data: mujoco.MjData  # its state
     parts: Parts  # names of the robot's parts
-    at: Indices  # indices of these parts in the scene
+    indices: Indices  # of these parts in the scene
     command: Array  # (c,) the present command of the controller
     last_action: Array  # (k,) the last output of the controller
     phase: Array  # (p,) the present phases of the clock [rad]
 
 
-Options = Mapping[str, Any]  # of a term, besides its name and scale
+Options = Mapping[str, Any]  # of a term in a contract, besides its name and scale
 
 
 class Reading(NamedTuple):
-    """One term that is bound to a scene."""
+    """A term that is bound to a scene."""
 
-    size: int  # the number of its entries
+    size: int  # number of entries
     write: Callable[[Array], object]  # writes the present values into an array (size,)
 
 
@@ -48,7 +51,7 @@ class Term:
 
 
 def read_terms(value: object) -> tuple[Term, ...]:
-    """Return the terms of the list in a contract.
+    """Return the terms of a contract's list.
 
     Raises:
         InvalidInputError: if it is no list of terms, or an option is missing, unknown or malformed.
@@ -59,7 +62,7 @@ def read_terms(value: object) -> tuple[Term, ...]:
 
 
 def _term(item: Any) -> Term:
-    """Return one term, which a contract gives by its name or as a mapping."""
+    """Return one term, which a contract lists by its name or as a mapping."""
     given = {"term": item} if isinstance(item, str) else item
     records.check_mapping("observation", given)
     if "term" not in given:
@@ -80,19 +83,19 @@ def _term(item: Any) -> Term:
 
 
 def sensors_of(terms: Sequence[Term]) -> set[str]:
-    """Return the names of the sensors in the robot's file that terms read."""
+    """Return the names of the sensors in the robot's file that the terms read."""
     return {term.options["name"] for term in terms if term.term == "sensor"}
 
 
 def add_touch_sensors(spec: mujoco.MjSpec, terms: Sequence[Term]) -> None:
-    """Add sensors of the net force on the bodies whose contacts terms read; refuse other names."""
+    """Add a sensor of the net contact force to each body of the terms; refuse unknown bodies."""
     bodies = [body.name for body in spec.bodies]
     for term in terms:
         for body in term.options.get("bodies", ()):
             if body not in bodies:
                 raise RobotModelError(f"contacts: got no body {body!r}, expected among {bodies}")
             spec.add_sensor(
-                name=_touch(body),
+                name=_touch_sensor(body),
                 type=mujoco.mjtSensor.mjSENS_CONTACT,
                 objtype=mujoco.mjtObj.mjOBJ_BODY,
                 objname=body,
@@ -103,12 +106,13 @@ def add_touch_sensors(spec: mujoco.MjSpec, terms: Sequence[Term]) -> None:
 _NET_FORCE = 3  # a contact sensor's reduction: the contacts' sum, in the world's axes
 
 
-def _touch(body: str) -> str:
+def _touch_sensor(body: str) -> str:
+    """Return the name of the sensor that is added for a body."""
     return f"touch of {body}"
 
 
 class Observer:
-    """Writes an observation of `size` entries, term by term, from the present state.
+    """Writes an observation of `size` entries, term by term, from the present state of a source.
 
     Raises:
         RobotModelError: if a term's part is not in the scene.
@@ -123,7 +127,7 @@ class Observer:
             for term, reading in zip(terms, readings, strict=True)
         ]
         self._scale = np.concatenate(scales)
-        self._scaled = bool((self._scale != 1.0).any())
+        self._is_scaled = bool((self._scale != 1.0).any())
         self._out = np.zeros(self.size)
         ends = np.cumsum([reading.size for reading in readings])
         self._writes = [
@@ -133,126 +137,118 @@ class Observer:
 
     def observe(self) -> Array:
         """Return the observation (size,); the next call writes into the same array."""
-        for write, part in self._writes:
-            write(part)
-        if self._scaled:
+        for write, entries in self._writes:
+            write(entries)
+        if self._is_scaled:
             self._out *= self._scale
         return self._out
 
 
 def _copies(view: Array) -> Reading:
-    """Return the reading that copies an array, which others change in place."""
+    """Return a reading that copies an array, which the simulation or controller changes."""
     return Reading(view.size, lambda out: np.copyto(out, view))
 
 
-def _sensor(s: Source, options: Options) -> Reading:
-    index = s.model.sensor(options["name"]).id
-    first, size = int(s.model.sensor_adr[index]), int(s.model.sensor_dim[index])
-    return _copies(s.data.sensordata[first : first + size])
+def _sensor(source: Source, options: Options) -> Reading:
+    index = source.model.sensor(options["name"]).id
+    first, size = int(source.model.sensor_adr[index]), int(source.model.sensor_dim[index])
+    return _copies(source.data.sensordata[first : first + size])
 
 
-def _gravity(s: Source, options: Options) -> Reading:
-    if "site" not in options:
-        up = s.data.xmat[s.model.body(s.parts.trunk).id][6:]
-    else:
-        sites = [s.model.site(i).name for i in range(s.model.nsite)]
+def _gravity(source: Source, options: Options) -> Reading:
+    model, data = source.model, source.data
+    if "site" in options:
+        sites = [model.site(i).name for i in range(model.nsite)]
         if options["site"] not in sites:
             raise RobotModelError(
                 f"gravity: got no site {options['site']!r}, expected among {sites}"
             )
-        up = s.data.site_xmat[s.model.site(options["site"]).id][6:]
+        rotation = data.site_xmat[model.site(options["site"]).id]
+    else:
+        rotation = data.xmat[model.body(source.parts.trunk).id]
+    up = rotation[6:]  # last row of the matrix: the world's z in the axes of the site or the trunk
     return Reading(3, lambda out: np.negative(up, out))
 
 
-def _linear_velocity(s: Source, options: Options) -> Reading:
-    rotation = s.data.xmat[s.model.body(s.parts.trunk).id].reshape(3, 3)
-    velocity = s.data.qvel[:3]
+def _linear_velocity(source: Source, options: Options) -> Reading:
+    rotation = source.data.xmat[source.model.body(source.parts.trunk).id].reshape(3, 3)
+    velocity = source.data.qvel[:3]
     return Reading(3, lambda out: np.dot(velocity, rotation, out))
 
 
-def _angular_velocity(s: Source, options: Options) -> Reading:
-    return _copies(s.data.qvel[3:6])
+def _joints(source: Source, options: Options) -> Reading:
+    _check_has_joints("joints", source)
+    indices, qpos = source.indices.q, source.data.qpos
+    home, driven = source.parts.home[indices - FREE_JOINT_SIZE], as_slice(indices)
+    return Reading(len(indices), lambda out: np.subtract(qpos[driven], home, out))
 
 
-def _joints(s: Source, options: Options) -> Reading:
-    at, home, qpos = _driven(s, "joints", s.at.q), s.parts.home[s.at.q - 7], s.data.qpos
-    return Reading(len(s.at.q), lambda out: np.subtract(qpos[at], home, out))
+def _rates(source: Source, options: Options) -> Reading:
+    _check_has_joints("rates", source)
+    driven, qvel = as_slice(source.indices.rate), source.data.qvel
+    return Reading(len(source.indices.rate), lambda out: np.copyto(out, qvel[driven]))
 
 
-def _rates(s: Source, options: Options) -> Reading:
-    at, qvel = _driven(s, "rates", s.at.rate), s.data.qvel
-    return Reading(len(s.at.rate), lambda out: np.copyto(out, qvel[at]))
-
-
-def _driven(s: Source, term: str, at: Integers) -> Integers | slice:
-    """Return indices of driven joints, as a slice if possible, which is read faster."""
-    if not s.parts.joints:
+def _check_has_joints(term: str, source: Source) -> None:
+    if not source.parts.joints:
         raise InvalidInputError(
             f"observation: got {term!r} and no driven joints, expected action: joints"
         )
-    return as_slice(at)
 
 
-def _last_action(s: Source, options: Options) -> Reading:
-    return _copies(s.last_action)
-
-
-def _command(s: Source, options: Options) -> Reading:
-    return _copies(s.command)
-
-
-def _phase(s: Source, options: Options) -> Reading:
-    count = len(s.phase)
+def _phase(source: Source, options: Options) -> Reading:
+    count = len(source.phase)
     if not count:
         raise InvalidInputError("observation: got 'phase' and no clock, expected phase: frequency")
 
     def write(out: Array) -> None:
-        np.cos(s.phase, out[:count])
-        np.sin(s.phase, out[count:])
+        np.cos(source.phase, out[:count])
+        np.sin(source.phase, out[count:])
 
     return Reading(2 * count, write)
 
 
-def _state(s: Source, options: Options) -> Reading:
-    nq = 7 + len(s.parts.home)
-    qpos, qvel = s.data.qpos[:nq], s.data.qvel[: nq - 1]
+def _state(source: Source, options: Options) -> Reading:
+    nq = FREE_JOINT_SIZE + len(source.parts.home)
+    qpos, qvel = source.data.qpos[:nq], source.data.qvel[: nq - 1]
     return Reading(2 * nq - 1, lambda out: np.concatenate((qpos, qvel), out=out))
 
 
-def _contacts(s: Source, options: Options) -> Reading:
-    starts = [s.model.sensor_adr[s.model.sensor(_touch(body)).id] for body in options["bodies"]]
-    indices, sensors = np.add.outer(np.array(starts), np.arange(3)), s.data.sensordata
+def _contacts(source: Source, options: Options) -> Reading:
+    sensors = [source.model.sensor(_touch_sensor(body)).id for body in options["bodies"]]
+    axes = np.add.outer(source.model.sensor_adr[sensors], np.arange(3))
+    sensordata = source.data.sensordata
 
     def write(out: Array) -> None:
-        force = sensors[indices]
-        out[:] = (force * force).sum(axis=1) > TOUCH * TOUCH
+        force = sensordata[axes]
+        out[:] = (force * force).sum(axis=1) > TOUCH_FORCE * TOUCH_FORCE
 
-    return Reading(len(starts), write)
+    return Reading(len(sensors), write)
 
 
 class Kind(NamedTuple):
-    """A kind of term."""
+    """How a kind of term is bound to a scene, and the options that it takes."""
 
     bind: Callable[[Source, Options], Reading]
-    required: tuple[str, ...] = ()  # the options that it must have
-    optional: tuple[str, ...] = ()  # the options that it may have
+    required: tuple[str, ...] = ()  # options that a contract must give
+    optional: tuple[str, ...] = ()  # options that it may give
 
 
 TERMS: dict[str, Kind] = {
     "sensor": Kind(_sensor, required=("name",)),  # a sensor of the robot's file
-    "gravity": Kind(
-        _gravity, optional=("site",)
-    ),  # (3,) its direction in a site's or the trunk's axes
+    "gravity": Kind(_gravity, optional=("site",)),  # (3,) in the axes of a site or of the trunk
     "linear_velocity": Kind(_linear_velocity),  # (3,) of the trunk's origin, in its axes [m/s]
-    "angular_velocity": Kind(_angular_velocity),  # (3,) of the trunk, in its axes [rad/s]
-    "joints": Kind(_joints),  # (k,) positions of the driven joints minus home [rad]
-    "rates": Kind(_rates),  # (k,) their velocities [rad/s]
-    "last_action": Kind(_last_action),  # (k,) the controller's last output
-    "command": Kind(_command),  # (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
-    "phase": Kind(_phase),  # (2k,) cosines of the clock's phases, then their sines
-    "state": Kind(_state),  # (nq + nv,) qpos and qvel of the robot
-    "contacts": Kind(
-        _contacts, required=("bodies",)
-    ),  # (k,) 1 for a body that `TOUCH` or more touches
+    # (3,) of the trunk, in its axes [rad/s]
+    "angular_velocity": Kind(lambda source, options: _copies(source.data.qvel[3:6])),
+    "joints": Kind(_joints),  # (k,) positions of the driven joints minus home [rad, m]
+    "rates": Kind(_rates),  # (k,) velocities of the driven joints [rad/s, m/s]
+    # (k,) the controller's last output
+    "last_action": Kind(lambda source, options: _copies(source.last_action)),
+    # (v, ω) or (v_x, v_y, ω) [m/s, rad/s]
+    "command": Kind(lambda source, options: _copies(source.command)),
+    "phase": Kind(_phase),  # (2p,) cosines of the clock's phases, then their sines
+    "state": Kind(_state),  # (nq + nv,) MuJoCo's qpos and qvel of the robot
+    # (b,) 1 for each body that is touched with `TOUCH_FORCE` or more, 0 for the others
+    "contacts": Kind(_contacts, required=("bodies",)),
 }
-"""The kinds of terms that a controller may observe, by their names."""
+"""Name of a term → its kind; the comments describe the entries."""

@@ -11,7 +11,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Box
 from hcbf_robots import Response, Walker
 from hcbf_robots.identification import command
-from hcbf_robots.identification.analysis import fit, late, respond
+from hcbf_robots.identification.analysis import delayed, fit, respond
 from hcbf_robots.identification.identify import identify
 from hcbf_robots.walkers.walker_margins import braked, uncertainty
 
@@ -29,7 +29,7 @@ def test_a_known_response_is_found_beneath_an_oscillation(gain, time_constant, s
     rng = np.random.default_rng(seed)
     commanded = np.repeat(rng.uniform(-1.0, 1.0, 40), 50)
     delay = steps * PERIOD
-    done = gain * respond(late(commanded, delay, PERIOD), time_constant, PERIOD)
+    done = gain * respond(delayed(commanded, delay, PERIOD), time_constant, PERIOD)
     wave = 0.1 * np.sin(2.0 * np.pi * 1.5 * PERIOD * np.arange(len(commanded)))
     found = fit(commanded, done + wave, PERIOD)
     assert found.gain == pytest.approx(gain, rel=0.05)

@@ -14,7 +14,8 @@ from hcbf_robots import Command, Response, Walker
 from hcbf_robots.identification import command
 from hcbf_robots.identification.analysis import respond
 from hcbf_robots.identification.identify import identify
-from hcbf_robots.identification.log import identify_log, read
+from hcbf_robots.identification.log import identify_log
+from hcbf_robots.identification.log_file import read
 
 PARTS = {
     "both": {},
