@@ -28,7 +28,7 @@ def share(settings: RowSettings, axle: Axle) -> float:
 
     On ψ = 0 the robot nears a wall at the speed s = v cos φ and the row requests b(s), to which
     braking along the heading gives A cos φ. With ``v ≤ V`` that is enough at every angle where
-    ``(b(s) − b(0)) V/s ≤ 0.85 A`` for all s ≤ V. b(0) is reserved as a length, see `wall_clearance`.
+    ``(b(s) − b(0)) V/s ≤ 0.85 A`` for all s ≤ V. b(0) is reserved as the `wall_clearance`.
     c stretches distances and does not scale α₁, because its slope counts at all speeds alike.
 
     Args:
