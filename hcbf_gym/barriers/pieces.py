@@ -1,12 +1,12 @@
 """Many convex polygons in one array of numbers, with buckets that find those near a point.
 
 Compiled code reads the array, which begins with a head (see core/include/hcbf/pieces.hpp). Several
-such arrays are one behind another in an *atlas*. Buckets are squares in the frame of the map's grid,
-so that a piece along its axes is in few of them. A piece is in all buckets that its box meets, and
-a search reports it from the first of these that it visits.
+such arrays are one behind another in an *atlas*. Buckets are squares in the frame of the map's
+grid, so that a piece along its axes is in few of them. A piece is in all buckets that its box
+meets, and a search reports it from the first of these that it visits.
 
-Indices in the array are stored as doubles, which are exact up to 2⁵³. One array is then one argument
-of every compiled call, and no table is needed for the pieces of another map.
+Indices in the array are stored as doubles, which are exact up to 2⁵³. So one array is the only
+argument of every compiled call, and the pieces of another map need no table.
 """
 
 from functools import cached_property

@@ -154,4 +154,4 @@ def _at_zero(barrier: Barrier, since: float) -> Barrier:
     step = -since * barrier.frame_velocity
     if type(barrier) in SHAPES:
         return barrier.moved(step)
-    return PlanarBarrier.moved(barrier, step)  # a user's own class may define another `moved`
+    return PlanarBarrier.moved(barrier, step)  # a user's own class need not define `moved`
