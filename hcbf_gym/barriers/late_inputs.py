@@ -19,8 +19,8 @@ from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-_CHANGE = 0.1  # by which a state is changed, relative to 1 + |x|
-_ROUNDING = 1e-9  # the relative change of f or g that counts as none
+_CHANGE = 0.1  # the change of a state that probes f and g, relative to 1 + |x|
+_ROUNDING = 1e-9  # a smaller change of f or g, relative to their size, is rounding
 
 REMEDY = (
     "expected a condition that these inputs enter as early: one that reads a point ahead, or the "
@@ -33,8 +33,8 @@ class LateInputs:
     """Finds the barriers of a model whose rows miss an input.
 
     Attributes:
-        states: (n, n) entry (i, k) is whether ẋ_i depends on x_k.
-        inputs: (n, n_u) entry (i, j) is whether input j drives x_i.
+        states: (n, n) entry (i, k) is true if ẋ_i depends on x_k.
+        inputs: (n, n_u) entry (i, j) is true if input j drives x_i.
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
@@ -50,12 +50,13 @@ class LateInputs:
                 moved[k] += _CHANGE * (1.0 + abs(x[k]))
                 self.states[:, k] |= np.abs(model.f(moved) - f) > rounding
                 self.states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
-        self._is_late: dict[bytes, bool] = {}  # by the states and inputs of a reach
+        self._is_late: dict[bytes, bool] = {}  # reads and inputs of a reach → whether one misses
 
     def degrees(self, reads: Mask) -> NDArray[np.int64]:
-        """Return (n_u,) which derivative of an h of the states `reads` (n,) an input enters first.
+        """Return (n_u,) the first derivative of h that each input enters; 0 if it enters none.
 
-        It is 0 for an input that enters none.
+        Args:
+            reads: (n,) whether h depends on a state.
         """
         degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
         for degree in range(1, reads.size + 1):
@@ -64,7 +65,7 @@ class LateInputs:
         return degrees
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
-        """Return a sentence for each of m barriers whose row misses an input, by their reaches."""
+        """Return a sentence for each of m barriers whose row misses an input, by the m reaches."""
         messages = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()
