@@ -20,7 +20,6 @@ from hcbf_gym.barriers.rows import RowSettings
 from hcbf_gym.models.axle import Axle
 
 _USED = 0.85  # the share of the braking along the heading that a single row may request
-_LARGEST_CLEARANCE = 1.0  # [m]; the clearance is found by bisection below it
 
 
 def share(settings: RowSettings, axle: Axle) -> float:
@@ -41,9 +40,8 @@ def share(settings: RowSettings, axle: Axle) -> float:
         stretched = replace(settings, alpha1=alpha1)
         bound_at_rest, needed_braking = _bound(stretched, 0.0, 0.0), 0.0
         for speed in np.linspace(0.0, axle.forward, SPEED_SAMPLES + 1)[1:].tolist():
-            bound = _bound(stretched, alpha1.inverse(speed), speed)
-            needed = (bound - bound_at_rest) * axle.forward / speed
-            needed_braking = max(needed_braking, needed)
+            more = _bound(stretched, alpha1.inverse(speed), speed) - bound_at_rest
+            needed_braking = max(needed_braking, more * axle.forward / speed)
         return needed_braking <= _USED * axle.braking
 
     return greatest_share(is_met)
@@ -56,7 +54,7 @@ def wall_clearance(settings: RowSettings, jerk: float) -> float:
         settings: α₁, α₂ and the hold.
         jerk: what the row reserves of the acceleration, `Axle.jerk` [m/s²].
     """
-    low, high = 0.0, _LARGEST_CLEARANCE
+    low, high = 0.0, 1.0  # [m]
     for _ in range(60):
         middle = 0.5 * (low + high)
         if _bound(settings, middle, 0.0) + jerk <= 0.0:
@@ -67,19 +65,9 @@ def wall_clearance(settings: RowSettings, jerk: float) -> float:
 
 
 def _bound(settings: RowSettings, distance: float, speed: float) -> float:
-    """Return b of the row beside a straight wall.
-
-    Args:
-        settings: α₁, α₂ and the hold.
-        distance: h − m, the distance to the wall less the margin [m].
-        speed: at which the robot nears the wall [m/s].
-    """
+    """Return b of the row of a wall at h − m = `distance` [m], neared at a `speed` [m/s]."""
     if settings.held:
-        net, rate, quickening, turn, core_distance = distance, -speed, 0.0, 0.0, np.inf
-        bound, *_ = _core.held_row(
-            net, rate, quickening, speed, turn, core_distance, settings.packed
-        )
-        return bound
-    psi = settings.alpha1.values(np.array([distance]))[0] - speed
-    alpha2_psi = settings.alpha2.values(np.array([psi]))[0]
-    return settings.alpha1.derivative(distance) * speed - alpha2_psi
+        # kept, rate, quickening, speed, speed sideways, and distance from the core
+        return _core.held_row(distance, -speed, 0.0, speed, 0.0, np.inf, settings.packed)[0]
+    psi = settings.alpha1(distance) - speed
+    return settings.alpha1.derivative(distance) * speed - settings.alpha2(psi)

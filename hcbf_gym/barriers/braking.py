@@ -24,9 +24,8 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 
 RESERVE = 0.1
-"""The share of what U can do in its worst direction that a single row leaves unused.
-
-It is left for a second row with another normal, and for the tolerance of the programs."""
+"""The share of what U can do in its worst direction that a single row leaves unused: for a second
+row with another normal, and for the tolerance of the programs."""
 
 SPEED_SAMPLES = 200
 """The number of approach speeds at which the deceleration that a row requests is evaluated."""
@@ -55,10 +54,8 @@ def requested(settings: RowSettings, fastest: float = np.inf) -> float:
     speed = np.linspace(0.0, top_speed, SPEED_SAMPLES + 1)[1:]
     distance = np.array([alpha1.inverse(s) for s in speed])  # h − m on ψ = 0, where s = α₁(h − m)
     if settings.period is None or settings.u_max is None:
-        decelerations = [
-            s * alpha1.derivative(d) for s, d in zip(speed.tolist(), distance, strict=True)
-        ]
-        return float(max(decelerations))
+        slope = np.array([alpha1.derivative(d) for d in distance])
+        return float((speed * slope).max())
     period, u_max = settings.period, settings.u_max
     # an input moves the robot by at most ± half from where it is after a period without input; α₁
     # is bounded there by its value at the near end and its steepest slope
@@ -109,12 +106,7 @@ def stoppable(alpha1: ClassK, input_set: InputSet) -> float:
 
 
 def speed_left(v_max: object, margin: Any) -> Any:
-    """Return the speed that a cap leaves the model, ``√(v_max² − 2 v_max · margin)`` [m/s].
-
-    Args:
-        v_max: the cap [m/s], a number or an array.
-        margin: what its row reserves between h and zero [m/s].
-    """
+    """Return ``√(v_max² − 2 v_max · margin)``, the speed that caps v_max leave [m/s]."""
     return np.sqrt(np.maximum(0.0, v_max * (v_max - 2.0 * margin)))
 
 

@@ -45,11 +45,8 @@ class ClassK:
 
     def parameters(self) -> Array:
         """Return (4,) the code and up to three parameters, as the core reads them."""
-        numbers = np.zeros(4)
-        numbers[0] = self.code
-        for k, field in enumerate(fields(self), 1):
-            numbers[k] = getattr(self, field.name)
-        return numbers
+        parameters = [getattr(self, field.name) for field in fields(self)]
+        return np.array([self.code, *parameters, 0.0, 0.0])[:4]
 
     @cached_property
     def _numbers(self) -> Array:

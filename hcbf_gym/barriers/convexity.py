@@ -43,11 +43,8 @@ def is_convex(barrier: Barrier, model: ReducedOrderModel) -> bool:
 
 def warn_of_concave(barriers: Sequence[Barrier], model: ReducedOrderModel) -> None:
     """Warn of conditions of rank 1 on the position that are not convex in it."""
-    names = [
-        barrier.name
-        for barrier in barriers
-        if barrier.priority == 1 and barrier.reads_position and not is_convex(barrier, model)
-    ]
+    strict = [barrier for barrier in barriers if barrier.priority == 1 and barrier.reads_position]
+    names = [barrier.name for barrier in strict if not is_convex(barrier, model)]
     if names:
         warn_caller(
             f"safety filter: h of {names} is not convex in the position at sampled states, so that "

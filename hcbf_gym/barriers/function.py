@@ -13,10 +13,8 @@ from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.errors import InvalidInputError, finite_array, reals, shown
 from hcbf_gym.models.autodiff import compile64, import_jax
 
-Scalar = Callable[[Any, Any], Any]
-"""(x, t) → a scalar, while JAX traces it."""
-Signature = tuple[Callable[..., Any], tuple[int, ...] | None]
-"""A user's function and the shape of its parameters, for which rows are compiled."""
+Scalar = Callable[[Any, Any], Any]  # (x, t) → a scalar, while JAX traces it
+Signature = tuple[Callable[..., Any], tuple[int, ...] | None]  # with the parameters' shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +117,7 @@ class Function(Barrier):
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives at the state x (n,) and time t [s]."""
         traced_fields = self._compiled(x, float(t), self.packed)
-        fields: Any = [
-            np.array(field) if np.ndim(field) else float(field) for field in traced_fields
-        ]
+        fields: Any = [np.array(one) if np.ndim(one) else float(one) for one in traced_fields]
         return Jet(*fields)
 
 
@@ -173,10 +169,7 @@ def minimum(*parts: Scalar | Function) -> Scalar:
 
 
 def maximum(*parts: Scalar | Function) -> Scalar:
-    """Return ``max h_i``, a function for `Function`: it is ≥ 0 where at least one part is.
-
-    See `minimum` for its kinks.
-    """
+    """Return ``max h_i``, which is ≥ 0 where at least one part is; it has kinks as `minimum`."""
     return _extreme(parts, lambda value, best: value > best)
 
 

@@ -40,13 +40,12 @@ class Group(NamedTuple):
         Raises:
             InvalidInputError: if h is not finite, or an input appears below the relative degree.
         """
-        width = FunctionRow.width(self.kernel.model.n_u)
-        shape = len(at.x), len(self.functions), width
+        shape = len(at.x), len(self.functions), -1
         if len(at.x) == 1:
             inputs = at.x[0], at.t, at.margin[0], at.margin_rate[0], self.parameters[0]
             rows = np.asarray(self.kernel.at_state(np.concatenate(inputs))).reshape(shape)
         else:
-            by_column = np.asarray(self.kernel.at_states(*at, self.parameters))  # (k · width, K)
+            by_column = np.asarray(self.kernel.at_states(*at, self.parameters))  # (k (n_u + 5), K)
             rows = np.ascontiguousarray(by_column.T).reshape(shape)
         early_inputs = rows[..., _EARLY_INPUTS]
         if not early_inputs.max() <= VANISHED:  # or NaN, where h is not finite

@@ -12,6 +12,7 @@ from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samp
 from hcbf_gym.models.autodiff import compile64, import_jax, run64
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
+_Alphas = tuple[Callable[[Any], Any], Callable[[Any], Any]]  # α₁ and α₂, in jax.numpy
 _PROBE = 1e-6  # how far to both sides of x a kink is looked for, relative to 1 + |x|
 _LEAST_KINK = 1e-2  # the relative change of slope that counts as a kink; curvature is below
 
@@ -19,28 +20,17 @@ _LEAST_KINK = 1e-2  # the relative change of slope that counts as a kink; curvat
 class FunctionRow(NamedTuple):
     """One row, whose columns the core reads in the order of these fields.
 
-    Attributes:
-        a: (n_u,) L_g ψ_{r−1}.
-        b: the row's bound.
-        h: the function's value, without the margin.
-        alpha2_psi: α₂(ψ_{r−1}).
-        conditioning: 0 where the row does not depend on the input or is not finite, and less than 1
-            where L_g ψ_{r−1} is small or at a kink of h.
-        early_inputs: the largest |entry| of L_g ψ_k below the relative degree, k < r − 1, relative
-            to the size of L_g ψ_{r−1}; NaN where h is not finite, so that one test finds both.
+    Conditioning is 0 where no input enters the row or L_g ψ_{r−1} is not finite, and less than 1
+    where L_g ψ_{r−1} is small or h has a kink. Early inputs are the largest entry of |L_g ψ_k| for
+    k < r − 1, relative to `Reach.size`; they are NaN where h is not, so that one test finds both.
     """
 
-    a: Any
+    a: Any  # (n_u,) L_g ψ_{r−1}
     b: Any
-    h: Any
-    alpha2_psi: Any
+    h: Any  # without the margin
+    alpha2_psi: Any  # α₂(ψ_{r−1})
     conditioning: Any
     early_inputs: Any
-
-    @classmethod
-    def width(cls, n_u: int) -> int:
-        """Return how many columns a row has."""
-        return n_u + len(cls._fields) - 1
 
     @classmethod
     def column(cls, field: str) -> int:
@@ -67,7 +57,7 @@ class RowsKernel:
     Attributes:
         reaches: how inputs reach each of the functions.
         at_state: x, t, margins, their rates and parameters in one array → the rows (m, n_u + 5).
-        at_states: the same as five arrays with a leading K → (m (n_u + 5), K).
+        at_states: the same in five arrays with a leading K → (m (n_u + 5), K).
     """
 
     def __init__(
@@ -158,7 +148,7 @@ def _rows_kernel(
     model: ReducedOrderModel,
     functions: Sequence[Function],
     reaches: Sequence[Reach],
-    alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
+    alphas: _Alphas,
 ) -> Callable[..., list[Any]]:
     """Return (x, t, margins (m,), rates (m,), parameters) → the numbers of all rows in one list."""
     jax = import_jax("barriers.Function")
@@ -175,7 +165,7 @@ def _rows_kernel(
         for k, (function, reach) in enumerate(zip(functions, reaches, strict=True)):
             # or XLA fuses rows with each other, which costs time and compilation
             inputs = jax.lax.optimization_barrier((x, t, margins[k], rates[k], parameters_of[k]))
-            row = _function_row(model, function, reach, alphas, *inputs)
+            row = _function_row(model, function, reach, alphas, inputs)
             numbers += [*row.a, *row[1:]]
         return numbers
 
@@ -186,16 +176,13 @@ def _function_row(
     model: ReducedOrderModel,
     function: Function,
     reach: Reach,
-    alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
-    x: Any,
-    t: Any,
-    margin: Any,
-    margin_rate: Any,
-    parameters: Any,
+    alphas: _Alphas,
+    inputs: tuple[Any, ...],
 ) -> FunctionRow:
     """Return the row of one function, while JAX traces it."""
     jnp = import_jax("barriers.Function").numpy
     alpha1, alpha2 = alphas
+    x, t, margin, margin_rate, parameters = inputs
     h = function.of(parameters)
 
     def psi_0(x: Any, time: Any) -> Any:
@@ -245,12 +232,12 @@ def _largest(jnp: Any, values: Sequence[Any]) -> Any:
 
 
 def _kink(jnp: Any, h: Scalar, x: Any, t: Any) -> Any:
-    """Return by how much the slope of h changes within `_PROBE` of x.
+    """Return by how much the slope of h changes within `_PROBE` of x: 0 if smooth, 1 at most.
 
-    It is ``|Δ₊ − Δ₋| / (|Δ₊| + |Δ₋|)`` of the differences of h to both sides, up to 1 at a kink,
-    and 0 where h is smooth. The probed direction is along no axis and no diagonal.
+    It is ``|Δ₊ − Δ₋| / (|Δ₊| + |Δ₋|)``, of the differences of h to both sides of x.
     """
-    probe = _PROBE * (1.0 + jnp.abs(x)) * np.cos(np.arange(1.0, x.shape[0] + 1.0))
+    oblique = np.cos(np.arange(1.0, x.shape[0] + 1.0))  # along no axis and no diagonal
+    probe = _PROBE * (1.0 + jnp.abs(x)) * oblique
     here = h(x, t)
     ahead = h(x + probe, t) - here
     behind = here - h(x - probe, t)

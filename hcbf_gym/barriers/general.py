@@ -87,8 +87,7 @@ class GeneralRows:
         instance("alpha2", alpha2, ClassK)
         if most is not None and not callable(most):
             raise InvalidInputError(f"most: got {shown(most)}, expected a function of a (n_u,)")
-        if alpha_speed is None:
-            alpha_speed = alpha2
+        alpha_speed = alpha2 if alpha_speed is None else alpha_speed
         instance("alpha_speed", alpha_speed, ClassK)
         self.model, self.alpha1, self.alpha2, self._most = model, alpha1, alpha2, most
         self.functions = FunctionCache(model, alpha1, alpha2)
@@ -186,9 +185,8 @@ class GeneralRows:
         scene.parameters[:] = scenes.scenes.parameters[only_i, :m]
         prepared_scene = prepared(scene, self.functions, self.reach)
         state = States(*(field[only_i] for field in states))
-        self.write(
-            prepared_scene, state, PackedRows(rows.numbers[only_i, :m]), kinks.starting_at(i)
-        )
+        scene_rows = PackedRows(rows.numbers[only_i, :m])
+        self.write(prepared_scene, state, scene_rows, kinks.starting_at(i))
 
     def _write(self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks) -> None:
         """Write the rows of N states; raise the errors of users' own code."""

@@ -49,11 +49,9 @@ class Mapped(Barrier):
         object.__setattr__(self, "margin", margin)
 
     def write(self, c: Array, at: int) -> int:
-        """Write the block of a class, and return its kind; see `layout`.
+        """Write the block c (WIDTH,) of a class, and return its kind; see `layout`.
 
-        Args:
-            c: (WIDTH,) the block.
-            at: the index in the atlas at which the pieces of the class begin.
+        `at` is the index in the atlas at which the pieces of the class begin.
         """
         c[:] = 0.0
         c[layout.PIECES] = at
@@ -80,8 +78,7 @@ class Mapped(Barrier):
         count = _core.pieces_near(packed, 0, *position, reach, indices)
         jets = np.empty((count, 3))  # h, ∂h/∂x and ∂h/∂y
         _core.pieces_jets(packed, indices[:count], *position, jets)
-        by_h_then_gradient = np.lexsort(jets.T[::-1])
-        jets = jets[by_h_then_gradient]
+        jets = jets[np.lexsort(jets.T[::-1])]  # by h, then by the gradient
         return jets[:, 0], jets[:, 1:]
 
     def nearest(self, x: Array) -> tuple[float, Array]:
@@ -212,13 +209,9 @@ class Atlas:
         return bool(self.held)
 
     def hold(self, place: tuple[int, int], barrier: Mapped, parameters: Array) -> None:
-        """Put a class at (scene, place), and write its block.
+        """Put a class at (scene, place), and write its block into the parameters (N, m, WIDTH).
 
-        Args:
-            place: the scene and the place in it.
-            barrier: the class.
-            parameters: (N, m, WIDTH) the blocks. Where the array of the atlas is replaced by a
-                larger one, the blocks of all other classes are written, too.
+        If the array is replaced by a larger one, the blocks of all other classes are written, too.
         """
         if self._before is not None:
             before, self._before = self._before, None

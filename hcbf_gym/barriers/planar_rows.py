@@ -60,8 +60,7 @@ def planar_rows(
         row = np.zeros(WIDTH + 2)
         row_reserved = Reserved(*reserved[:, i, k].tolist())
         write_own_row(barrier, x[i], float(t[i]), settings, row_reserved, row)
-        a[i, k] = row[WIDTH:]
-        columns[:, i, k] = row[: len(columns)]
+        a[i, k], columns[:, i, k] = row[WIDTH:], row[: len(columns)]
     return CbfRows(a, columns[B], columns[H], scenes.priority, columns[ALPHA2_PSI])
 
 
@@ -81,7 +80,7 @@ def write_own_row(
     reserves ½ ū T² more, because h may dip by so much between two samples.
 
     Args:
-        barrier: of any class.
+        barrier: a user's own.
         x: (4,) position [m] and velocity [m/s].
         t: time [s].
         settings: α₁, α₂, and whether u is held.
@@ -89,24 +88,17 @@ def write_own_row(
         out: (WIDTH + 2,) the row, whose margin columns are left as they are; see `rows.MARGIN`.
         kinks: evaluates derivatives at a kink; None for one that warns anew.
     """
-    out[DIP] = 0.0
-    if (
-        settings.held
-        and isinstance(barrier, PlanarBarrier)
-        and _write_held_row(barrier, x, t, settings.packed, reserved, out)
-    ):
+    out[DIP], packed, held = 0.0, settings.packed, settings.held
+    is_planar = isinstance(barrier, PlanarBarrier)
+    if held and is_planar and _write_held_row(barrier, x, t, packed, reserved, out):
         return
-    dip = 0.0
-    if settings.held and barrier.reads_position:
-        dip = _core.row_half_step(settings.packed)
+    dip = _core.row_half_step(packed) if held and barrier.reads_position else 0.0
     row = instant_rows(settings)([barrier], x, t, [reserved.margin + dip], reserved.rate, kinks)
     assert row.alpha2_psi is not None
     h, alpha2_psi = float(row.h[0]), float(row.alpha2_psi[0])
     net = h - reserved.margin
-    psi_less_dip = settings.alpha2.inverse(alpha2_psi)
-    psi = psi_less_dip + settings.alpha1(net) - settings.alpha1(net - dip)
-    out[WIDTH:] = row.a[0]
-    out[DIP] = dip
+    psi = settings.alpha2.inverse(alpha2_psi) + settings.alpha1(net) - settings.alpha1(net - dip)
+    out[WIDTH:], out[DIP] = row.a[0], dip
     out[[B, H, ALPHA2_PSI, PSI]] = float(row.b[0]) + reserved.quickening, h, alpha2_psi, psi
 
 

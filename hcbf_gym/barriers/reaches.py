@@ -14,12 +14,7 @@ _BOUNDED = {*SHAPES} - {HalfPlane}
 
 
 class Reaches:
-    """Computes how inputs reach barriers, and stores it by the class and the states that h reads.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-        functions: compiles the rows of functions, which includes how inputs reach them.
-    """
+    """Computes how inputs of a model reach barriers; the cache of functions does so for these."""
 
     def __init__(self, model: ReducedOrderModel, functions: FunctionCache) -> None:
         self._model, self._functions = model, functions

@@ -256,8 +256,7 @@ class BarrierSet:
         """Yield the scenes that share a user's own barrier at one place, the place, and it."""
         sharing: dict[tuple[int, int], tuple[list[int], int, Barrier]] = {}
         for (i, k), barrier in self.own.items():
-            scenes, _, _ = sharing.setdefault((id(barrier), k), ([], k, barrier))
-            scenes.append(i)
+            sharing.setdefault((id(barrier), k), ([], k, barrier))[0].append(i)
         yield from sharing.values()
 
 

@@ -1,8 +1,4 @@
-"""Margins of the rows of any barrier and model at uncertain states.
-
-core/include/hcbf/model_margins.hpp computes them. Python passes it ∇h and a second-order loss of
-the barriers that Python evaluates.
-"""
+"""Margins of rows of any barrier and model at uncertain states; see model_margins.hpp."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -57,10 +53,6 @@ class Reserve:
         uncertainty: what the rows reserve; its distance d includes `fixed`.
         fixed: the part of d against dips between samples, or set by the user [unit of h].
         period: T [s]; None where it is not known.
-
-    Attributes:
-        settings: the uncertainty without `fixed`.
-        is_steep: whether a distance is reserved that the slope scales.
     """
 
     def __init__(
@@ -73,7 +65,7 @@ class Reserve:
     ) -> None:
         self.fixed = fixed
         self.settings = uncertainty._replace(distance=max(0.0, uncertainty.distance - fixed))
-        self.is_steep = self.settings.distance + self.settings.body > 0.0
+        self.is_steep = self.settings.distance + self.settings.body > 0.0  # ‖∇h‖ scales a part
         self._model, self._input_set, self._period = model, input_set, period or 0.0
 
     def write(
@@ -94,13 +86,8 @@ class Reserve:
             out: (N, m, WIDTH + n_u) the rows.
         """
         count, m = scenes.kind.shape
-        core = _core.Reserve(
-            compiled(self._model),
-            np.array(self.settings),
-            largest_inputs(self._input_set),
-            self._period,
-            count,
-        )
+        sizes, settings = largest_inputs(self._input_set), np.array(self.settings)
+        core = _core.Reserve(compiled(self._model), settings, sizes, self._period, count)
         slopes = slopes_of(entries, states, self.settings, m)
         core.write(
             **states._asdict(),
@@ -148,8 +135,7 @@ def slopes_of(
     root = scale * np.swapaxes(scaled_axes, 1, 2)  # Sᵀ (N, n, n)
     for barrier, k, plants in _by_barrier(entries):
         try:
-            slope, hessian = _derivatives(barrier, x[plants], time[plants])
-            gradient[plants, k] = slope
+            gradient[plants, k], hessian = _derivatives(barrier, x[plants], time[plants])
             loss[plants, k] = _second_order_loss(hessian, root[plants], error[plants])
         except UNREADABLE:  # the barrier is a user's own
             gradient[plants, k] = np.nan

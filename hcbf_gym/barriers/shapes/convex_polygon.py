@@ -17,9 +17,7 @@ COUNT, FIRST = 2, 3
 MAX_VERTICES = (layout.WIDTH - FIRST) // 2
 """The largest number of corners of a polygon."""
 USED = layout.WIDTH - 1
-"""The column with the part of the margin that errors of measurement may consume [m].
-
-A polygon with `MAX_VERTICES` corners has no such column."""
+"""The column, if there is room, with the part of a margin that errors may consume [m]."""
 
 
 @dataclass(frozen=True)
