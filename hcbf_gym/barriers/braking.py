@@ -30,7 +30,7 @@ row with another normal, and for the tolerance of the programs."""
 SPEED_SAMPLES = 200
 """The number of approach speeds at which the deceleration that a row requests is evaluated."""
 
-_TOP_SPEED = 4.0  # the largest of these speeds, relative to the hardest; D is small beyond
+_TOP_SPEED = 4.0  # the largest of these speeds, relative to `ClassK.hardest_speed`
 
 
 def weakest(input_set: InputSet) -> float:
@@ -57,8 +57,8 @@ def requested(settings: RowSettings, fastest: float = np.inf) -> float:
         slope = np.array([alpha1.derivative(d) for d in distance])
         return float((speed * slope).max())
     period, u_max = settings.period, settings.u_max
-    # an input moves the robot by at most ± half from where it is after a period without input; α₁
-    # is bounded there by its value at the near end and its steepest slope
+    # within ± half of the distance after a period without input, α₁ is at least its value at the
+    # near end plus its flattest slope, that at the largest |distance|, times the distance from it
     half = 0.5 * u_max * period**2
     after = distance - period * speed
     slope = np.array([alpha1.derivative(max(abs(d - half), abs(d + half))) for d in after])
