@@ -81,10 +81,7 @@ def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
 
 
 def is_plain(jet: Jet, n: int) -> bool:
-    """Return whether a jet of n states surely has finite floats, in a few microseconds.
-
-    False means that `checked` has to look closer: integers, say, or squares that overflow.
-    """
+    """Return in microseconds whether a jet surely has finite floats; `checked` decides the rest."""
     h, gradient, hessian, rate, gradient_rate, rate_rate = jet
     arrays = gradient, hessian, gradient_rate
     if not all(type(field) is np.ndarray and field.dtype == np.float64 for field in arrays):

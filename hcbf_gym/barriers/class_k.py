@@ -13,17 +13,11 @@ from hcbf_gym.errors import InvalidInputError, finite_float, shown
 
 @dataclass(frozen=True)
 class ClassK:
-    """A class-K function of positive parameters; `KINDS` lists its subclasses.
+    """A class-K function of positive parameters; `KINDS` lists its subclasses."""
 
-    Attributes:
-        code: by which the core recognises the function.
-        scale: the name of the parameter that multiplies α.
-        rate: the name of the parameter that multiplies h.
-    """
-
-    code: ClassVar[float]
-    scale: ClassVar[str]
-    rate: ClassVar[str]
+    code: ClassVar[float]  # by which the core recognises the function
+    scale: ClassVar[str]  # the name of the parameter that multiplies α
+    rate: ClassVar[str]  # the name of the parameter that multiplies h
 
     def __post_init__(self) -> None:
         for field in fields(self):

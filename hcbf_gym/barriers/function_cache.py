@@ -29,16 +29,12 @@ class FunctionCache:
         model: ẋ = f(x) + g(x)u.
         alpha1: α₁.
         alpha2: α₂.
-
-    Attributes:
-        by_tuple: the signatures of a tuple of functions → their rows.
-        by_function: the signature of one function of a later tuple → its rows.
     """
 
     def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
         self._model, self._alphas = model, (alpha1, alpha2)
         self.by_tuple: dict[Signatures, RowsKernel] = {}
-        self.by_function: dict[Signature, RowsKernel] = {}
+        self.by_function: dict[Signature, RowsKernel] = {}  # for functions of later tuples
         self._has_warned = False
 
     def groups(self, scenes: Sequence[Sequence[Any]]) -> list[Group]:

@@ -53,13 +53,9 @@ class Group(NamedTuple):
         return rows
 
     def rows_beside(self, at: Instant, rows: Array, kinks: Kinks, scenes: Sequence[Flat]) -> Array:
-        """Return rows in which those that are not finite come from a state beside the kink.
+        """Return rows (K, k, n_u + 5) with those that are not finite taken beside their states.
 
-        Args:
-            at: the K states.
-            rows: (K, k, n_u + 5) the rows at these states.
-            kinks: finds the states beside, and warns.
-            scenes: the barriers of all N scenes, whose names are in warnings.
+        `scenes` has the barriers of all N scenes, whose names are in warnings.
         """
         rows = rows.copy()
         for j, k in np.argwhere(~np.isfinite(rows).all(axis=2)):

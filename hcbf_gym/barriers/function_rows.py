@@ -152,15 +152,11 @@ def _rows_kernel(
 ) -> Callable[..., list[Any]]:
     """Return (x, t, margins (m,), rates (m,), parameters) → the numbers of all rows in one list."""
     jax = import_jax("barriers.Function")
-    jnp = jax.numpy
-    ends = np.cumsum([function.packed.size for function in functions]).tolist()
+    ends = np.cumsum([function.packed.size for function in functions])[:-1].tolist()
 
     def kernel(x: Any, t: Any, margins: Any, rates: Any, parameters: Any) -> list[Any]:
-        t = jnp.asarray(t, dtype=x.dtype)
-        parameters_of = [
-            parameters[end - function.packed.size : end]
-            for function, end in zip(functions, ends, strict=True)
-        ]
+        t = jax.numpy.asarray(t, dtype=x.dtype)
+        parameters_of = jax.numpy.split(parameters, ends)
         numbers: list[Any] = []
         for k, (function, reach) in enumerate(zip(functions, reaches, strict=True)):
             # or XLA fuses rows with each other, which costs time and compilation

@@ -42,11 +42,11 @@ class Kinks:
         f, g = model.terms(x)
         if isinstance(model, DoubleIntegrator):
             v = x[model.n_u :]
-            motion = np.tile(v if v.any() else u, 2)
+            motion = np.tile(v if v.any() else u, 2)  # position and velocity change alike
         else:
             motion = f if f.any() else g @ u
-        along_axes = [(np.arange(model.n) == j) + g[:, j] for j in range(model.n_u)]
-        for direction in (motion, *along_axes):
+        along_inputs = [np.eye(model.n)[j] + g[:, j] for j in range(model.n_u)]
+        for direction in (motion, *along_inputs):
             length = float(np.linalg.norm(direction))
             if 0.0 < length < np.inf:
                 yield x + STEP / length * direction
@@ -89,4 +89,4 @@ class Kinks:
 
 
 def _is_finite(jet: Jet) -> bool:
-    return all(np.isfinite(part).all() for part in jet)
+    return all(np.isfinite(field).all() for field in jet)

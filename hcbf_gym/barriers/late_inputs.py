@@ -55,8 +55,7 @@ class LateInputs:
     def degrees(self, reads: Mask) -> NDArray[np.int64]:
         """Return (n_u,) the first derivative of h that each input enters; 0 if it enters none.
 
-        Args:
-            reads: (n,) whether h depends on a state.
+        `reads` (n,) is true for the states on which h depends.
         """
         degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
         for degree in range(1, reads.size + 1):

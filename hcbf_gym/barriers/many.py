@@ -108,11 +108,9 @@ class Shapes:
     def _blocks(self, shape: str, values: Array) -> Array:
         """Return (k, WIDTH) or (N, k, WIDTH) the blocks of shapes at rest."""
         axes = 3 if shape == "convex-polygon" else 2  # of the values of one plant
+        leading = values.shape[:1]
         if values.ndim == axes + 1:
-            leading = values.shape[:2]
-            values = values.reshape(-1, *values.shape[2:])
-        else:
-            leading = values.shape[:1]
+            leading, values = values.shape[:2], values.reshape(-1, *values.shape[2:])
         blocks = np.zeros((0, layout.WIDTH))
         if values.size:
             blocks = self._class.pack(f"{self.name}: {shape}", values)

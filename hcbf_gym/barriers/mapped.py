@@ -62,14 +62,11 @@ class Mapped(Barrier):
         return replace(self, pieces=self.pieces.moved(step))
 
     def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
-        """Return the signed distances of the nearest pieces, and their gradients, nearest first.
+        """Return the signed distances (k,) [m] of the nearest pieces, and their gradients (k, 2).
 
         Args:
             x: (n,) a state, the position first [m].
             beyond: how much farther than the nearest piece the others may be [m].
-
-        Returns:
-            The signed distances (k,) [m], and their gradients (k, 2).
         """
         packed, position = self.pieces.packed, (float(x[0]), float(x[1]))
         nearest_distance = max(0.0, _core.pieces_nearest(packed, 0, *position)[0])

@@ -49,12 +49,10 @@ def first_reach(
 ) -> Reach:
     """Return how inputs reach a barrier, by the first derivative that an input enters.
 
-    Entries that are not finite count as 0.
-
     Args:
         barrier: the barrier, whose name is in messages.
         model: ẋ = f(x) + g(x)u.
-        gradients: (S, n) ∇h at the sampled states.
+        gradients: (S, n) ∇h at the sampled states; an entry that is not finite counts as 0.
         lie_derivatives: L_g ψ (S, n_u) of ψ = h, then of its first derivative, and so on.
 
     Raises:

@@ -239,10 +239,9 @@ class BarrierSet:
         return h
 
     def sense(self, x: Array, t: Array) -> tuple[Array, Array]:
-        """Return h (N, m), and what a policy sees of it (N, m, 4).
+        """Return h (N, m) and (N, m, 4) what a policy sees: h, unit gradient, ∂h/∂t.
 
-        A policy sees h, the unit gradient of h in the position (2,), and ∂h/∂t. The last three are
-        0 where h does not depend on the position.
+        The gradient is that in the position. Where it is 0, ∂h/∂t is reported as 0, too.
         """
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
         _core.barrier_sense(self.kind, self.parameters, self.atlas.numbers, x, t, h, sensed)

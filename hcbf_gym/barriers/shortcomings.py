@@ -18,19 +18,12 @@ SLOW = 0.15
 
 
 class Shortcoming(NamedTuple):
-    """Something that α₁, U and a speed limit cannot satisfy in some of N scenes.
+    """Something that α₁, U and a speed limit cannot satisfy in some of N scenes."""
 
-    Attributes:
-        what: the kind of it in a word, by which it is reported once.
-        scenes: (N,) whether a scene has it.
-        promised: whether rank 1 is satisfied all the same.
-        text: a sentence with the numbers.
-    """
-
-    what: str
-    scenes: Mask
-    promised: bool
-    text: str
+    what: str  # its kind in a word, by which it is reported once
+    scenes: Mask  # (N,) whether a scene has it
+    promised: bool  # whether rank 1 is satisfied all the same
+    text: str  # a sentence with the numbers
 
 
 def shortcomings(

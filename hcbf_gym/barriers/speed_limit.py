@@ -47,12 +47,7 @@ def leaves_speed(v_max: float, margin: float) -> bool:
 
 
 def check_leaves_speed(what: str, v_max: float, margin: float) -> None:
-    """Refuse a cap that leaves no speed, see `leaves_speed`.
-
-    Args:
-        what: what the message calls the cap.
-        v_max: the cap [m/s].
-        margin: what its row reserves of h [m/s].
+    """Refuse a cap v_max that leaves no speed after its margin [m/s]; a message calls it `what`.
 
     Raises:
         InvalidInputError: if the cap leaves no speed.
