@@ -95,7 +95,7 @@ class Function(Barrier):
         names = ("name", "priority", "function", "parameters")
         return {name: getattr(self, name) for name in names}
 
-    def of(self, packed: Any) -> Scalar:
+    def with_parameters(self, packed: Any) -> Scalar:
         """Return (x, t) → h for JAX to trace, with these parameters (k,).
 
         Raises:
@@ -105,8 +105,8 @@ class Function(Barrier):
         return _traced(self.name, *self.signature, packed)
 
     def traced(self, x: Any, t: Any) -> Any:
-        """Return h with the function's own parameters, while JAX traces it; see `of`."""
-        return self.of(self.packed)(x, t)
+        """Return h with the function's own parameters, while JAX traces it."""
+        return self.with_parameters(self.packed)(x, t)
 
     def batch(self, x: Array, t: Array) -> Jet:
         """Return h and its derivatives at N states (N, n) and times (N,), in one compiled call."""

@@ -159,7 +159,7 @@ def _rows_kernel(
         parameters_of = jax.numpy.split(parameters, ends)
         numbers: list[Any] = []
         for k, (function, reach) in enumerate(zip(functions, reaches, strict=True)):
-            # or XLA fuses rows with each other, which costs time and compilation
+            # without it XLA fuses rows with each other, which costs time and compilation
             inputs = jax.lax.optimization_barrier((x, t, margins[k], rates[k], parameters_of[k]))
             row = _function_row(model, function, reach, alphas, inputs)
             numbers += [*row.a, *row[1:]]
@@ -179,7 +179,7 @@ def _function_row(
     jnp = import_jax("barriers.Function").numpy
     alpha1, alpha2 = alphas
     x, t, margin, margin_rate, parameters = inputs
-    h = function.of(parameters)
+    h = function.with_parameters(parameters)
 
     def psi_0(x: Any, time: Any) -> Any:
         return h(x, time) - margin - margin_rate * (time - t)
@@ -220,7 +220,7 @@ def _with_one_array(kernel: Callable[..., list[Any]], n: int, m: int) -> Callabl
 
 
 def _largest(jnp: Any, values: Sequence[Any]) -> Any:
-    """Return max |v_i|, whose derivatives are those of one entry."""
+    """Return max |v_i|."""
     largest, *others = (jnp.abs(value) for value in values)
     for other in others:
         largest = jnp.where(other > largest, other, largest)

@@ -242,8 +242,8 @@ class GeneralRows:
         return latest
 
     def reach(self, barrier: Barrier) -> Reach:
-        """Return how inputs reach a barrier; see `Reaches.of`."""
-        return self._reaches.of(barrier)
+        """Return how inputs reach a barrier; see `Reaches.reach_of`."""
+        return self._reaches.reach_of(barrier)
 
 
 def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:

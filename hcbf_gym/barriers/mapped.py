@@ -225,7 +225,7 @@ class Atlas:
             self._append(self.numbers, pieces)
         barrier.write(parameters[place], self._begins[pieces])
 
-    def of(self, new_index: dict[int, int]) -> "Atlas":
+    def of_scenes(self, new_index: dict[int, int]) -> "Atlas":
         """Return the atlas of some scenes, which shares the array and does not write to it.
 
         Args:

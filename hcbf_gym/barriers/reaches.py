@@ -21,7 +21,7 @@ class Reaches:
         self._sampled_state = samples(model)[0][0]
         self._known: dict[tuple[type[Barrier], bytes], Reach] = {}
 
-    def of(self, barrier: Barrier) -> Reach:
+    def reach_of(self, barrier: Barrier) -> Reach:
         """Return how inputs reach a barrier.
 
         Raises:

@@ -213,7 +213,7 @@ class BarrierSet:
         chosen.own = {
             (new_index[i], k): barrier for (i, k), barrier in self.own.items() if i in new_index
         }
-        chosen.atlas = self.atlas.of(new_index)
+        chosen.atlas = self.atlas.of_scenes(new_index)
         return chosen
 
     def values(self, x: Array, t: Array) -> Array:
