@@ -155,8 +155,7 @@ class Barrier(ABC):
         The default calls `jet` N times; a subclass may compute all jets at once.
         """
         jets = [self.jet(state, float(time)) for state, time in zip(x, t, strict=True)]
-        stacked: Any = (np.array(field) for field in zip(*jets, strict=True))
-        return Jet(*stacked)
+        return Jet._make(np.array(field) for field in zip(*jets, strict=True))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """A user's own h(x, t), differentiated automatically (the extra `jax`); minimum and maximum."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -92,8 +92,7 @@ class Function(Barrier):
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields alone, because compiled code cannot be copied."""
-        names = ("name", "priority", "function", "parameters")
-        return {name: getattr(self, name) for name in names}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def with_parameters(self, packed: Any) -> Scalar:
         """Return (x, t) → h for JAX to trace, with these parameters (k,).
@@ -111,14 +110,12 @@ class Function(Barrier):
     def batch(self, x: Array, t: Array) -> Jet:
         """Return h and its derivatives at N states (N, n) and times (N,), in one compiled call."""
         traced_fields = _compile_jet(*self.signature, batched=True)(x, t, self.packed)
-        fields: Any = map(np.array, traced_fields)
-        return Jet(*fields)
+        return Jet._make(map(np.array, traced_fields))
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives at the state x (n,) and time t [s]."""
         traced_fields = self._compiled(x, float(t), self.packed)
-        fields: Any = [np.array(one) if np.ndim(one) else float(one) for one in traced_fields]
-        return Jet(*fields)
+        return Jet._make(np.array(one) if np.ndim(one) else float(one) for one in traced_fields)
 
 
 def _traced(

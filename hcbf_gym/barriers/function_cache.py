@@ -23,12 +23,7 @@ class FunctionCache:
 
     The functions of a later tuple that are in one of these are compiled one by one, because a
     sensor may report a changing number of obstacles. Functions that are in none of these are
-    evaluated without compiling, which is slow, with one warning.
-
-    Args:
-        model: ẋ = f(x) + g(x)u.
-        alpha1: α₁.
-        alpha2: α₂.
+    evaluated without compiling, which is slow, with one warning. Arguments are as of `RowsKernel`.
     """
 
     def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:

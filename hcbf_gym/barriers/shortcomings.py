@@ -70,8 +70,8 @@ def _flight(speed: Array, region_speed: Array) -> Shortcoming:
     is_slower = speed <= region_speed
     text = (
         f"a strict region moves at {_most(region_speed, is_slower):.3g} m/s, and the robot has "
-        f"{_least(speed, is_slower):.3g} m/s after the margin of its speed limit; expected a "
-        "higher v_max, so that it can step aside"
+        f"{speed.min(initial=np.inf, where=is_slower):.3g} m/s after the margin of its speed "
+        "limit; expected a higher v_max, so that it can step aside"
     )
     return Shortcoming("flight", is_slower, False, text)
 
@@ -80,8 +80,8 @@ def _slowness(speed: Array, margin: Array) -> Shortcoming:
     """Find speeds (N,) that the margins (N,) of speed limits make too low [m/s]."""
     is_slow = (speed < SLOW) & (margin > 0.0)
     text = (
-        f"the speed limit leaves {_least(speed, is_slow):.3g} m/s after its margin of "
-        f"{_most(margin, is_slow):.3g} m/s; expected a higher v_max, or patience"
+        f"the speed limit leaves {speed.min(initial=np.inf, where=is_slow):.3g} m/s after its "
+        f"margin of {_most(margin, is_slow):.3g} m/s; expected a higher v_max, or patience"
     )
     return Shortcoming("slowness", is_slow, True, text)
 
@@ -131,7 +131,3 @@ def _ability(able: float) -> str:
 
 def _most(values: Array, where: Mask) -> float:
     return float(values.max(initial=0.0, where=where))
-
-
-def _least(values: Array, where: Mask) -> float:
-    return float(values.min(initial=np.inf, where=where))
