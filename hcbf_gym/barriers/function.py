@@ -95,11 +95,9 @@ class Function(Barrier):
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def with_parameters(self, packed: Any) -> Scalar:
-        """Return (x, t) → h for JAX to trace, with these parameters (k,).
+        """Return (x, t) → h with these parameters (k,), for JAX to trace.
 
-        Raises:
-            InvalidInputError: when called, if `function` is not written with jax.numpy or returns
-                no scalar.
+        A call raises an InvalidInputError if `function` is not in jax.numpy or returns no scalar.
         """
         return _traced(self.name, *self.signature, packed)
 

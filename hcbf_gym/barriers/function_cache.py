@@ -15,8 +15,6 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 MAX_TUPLES = 8
 """The number of tuples of functions whose rows are compiled together."""
 
-Signatures = tuple[Signature, ...]
-
 
 class FunctionCache:
     """Compiles the rows of the first `MAX_TUPLES` tuples of functions, and keeps them.
@@ -28,7 +26,7 @@ class FunctionCache:
 
     def __init__(self, model: ReducedOrderModel, alpha1: ClassK, alpha2: ClassK) -> None:
         self._model, self._alphas = model, (alpha1, alpha2)
-        self.by_tuple: dict[Signatures, RowsKernel] = {}
+        self.by_tuple: dict[tuple[Signature, ...], RowsKernel] = {}
         self.by_function: dict[Signature, RowsKernel] = {}  # for functions of later tuples
         self._has_warned = False
 
@@ -38,7 +36,7 @@ class FunctionCache:
         Raises:
             InvalidInputError: if no input reaches a function, or it cannot be differentiated.
         """
-        members_of: dict[tuple[tuple[int, ...], Signatures], list[int]] = {}
+        members_of: dict[tuple[tuple[int, ...], tuple[Signature, ...]], list[int]] = {}
         for i, scene in enumerate(scenes):
             places = tuple(k for k, one in enumerate(scene) if isinstance(one, Function))
             if places:

@@ -80,25 +80,21 @@ class RowsKernel:
 
 
 def reach_of_function(model: ReducedOrderModel, function: Function) -> Reach:
-    """Return how inputs reach a function, which may be by any derivative of it.
-
-    Raises:
-        InvalidInputError: if no input enters any of the first n derivatives.
-    """
+    """Return how inputs reach a function; raise an error if not by one of n derivatives."""
     jax = import_jax("barriers.Function")
-    h = function.traced
     states, times = samples(model)
 
     def at_samples(derivative: Callable[[Any, Any], Any]) -> Array:
         return np.array(run64(jax.vmap(derivative))(states, times))
 
-    def inputs_by_derivative() -> Iterator[Array]:
-        psi: Scalar = h
+    def lie_derivatives() -> Iterator[Array]:
+        psi: Scalar = function.traced
         for _ in range(model.n):
             yield at_samples(_lie_along_inputs(model, psi)).T
             psi = _lie_along_drift(model, psi)
 
-    return first_reach(function, model, at_samples(jax.grad(h)), inputs_by_derivative())
+    gradients = at_samples(jax.grad(function.traced))
+    return first_reach(function, model, gradients, lie_derivatives())
 
 
 def _lie_along_drift(model: ReducedOrderModel, h: Scalar) -> Scalar:
@@ -112,8 +108,7 @@ def _lie_along_inputs(model: ReducedOrderModel, h: Scalar) -> Callable[[Any, Any
     jax = import_jax("barriers.Function")
 
     def lie_derivatives(x: Any, t: Any) -> list[Any]:
-        g = model.g(x)
-        zero = 0.0 * t
+        g, zero = model.g(x), 0.0 * t
         return [jax.jvp(h, (x, t), (g[:, j], zero))[1] for j in range(model.n_u)]
 
     return lie_derivatives

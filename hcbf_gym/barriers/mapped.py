@@ -16,6 +16,7 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout, speed_limit
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.pieces import Pieces
+from hcbf_gym.barriers.shape import set_positive
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
@@ -153,10 +154,7 @@ class MappedZone(OnGrid):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        limit = finite_float(
-            f"{self.name}: limit", self.limit, minimum=0.0, maximum=FARTHEST, exclusive=True
-        )
-        object.__setattr__(self, "limit", limit)
+        set_positive(self, "limit")
 
     def write(self, c: Array, at: int) -> int:
         """Write the block of a class, and return its kind; see `Mapped.write`."""

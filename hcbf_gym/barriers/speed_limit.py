@@ -18,8 +18,8 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.shape import set_positive
 from hcbf_gym.errors import InvalidInputError, finite_float
-from hcbf_gym.models.constants import FARTHEST
 
 BRAKING = _core.ZONE_BRAKING
 """β, the deceleration with which a robot slows down before a zone [m/s²]."""
@@ -47,11 +47,7 @@ def leaves_speed(v_max: float, margin: float) -> bool:
 
 
 def check_leaves_speed(what: str, v_max: float, margin: float) -> None:
-    """Refuse a cap v_max that leaves no speed after its margin [m/s]; a message calls it `what`.
-
-    Raises:
-        InvalidInputError: if the cap leaves no speed.
-    """
+    """Raise an InvalidInputError if a cap, which it calls `what`, leaves no speed."""
     if not leaves_speed(v_max, margin):
         raise InvalidInputError(
             f"{what}: got {v_max:g} m/s, expected above {2.0 * margin:g} m/s: the row of the speed "
@@ -69,8 +65,7 @@ class SpeedLimit(Barrier):
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
         v_max: the cap [m/s], positive.
-        margin: what the row reserves of h [m/s], because a body's speed oscillates around that
-            of its model.
+        margin: what the row reserves of h [m/s], as a body's speed oscillates around its model's.
 
     Raises:
         InvalidInputError: if v_max is not positive or the margin is not in [0, v_max).
@@ -83,13 +78,11 @@ class SpeedLimit(Barrier):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        v_max = finite_float(
-            f"{self.name}: v_max", self.v_max, minimum=0.0, maximum=FARTHEST, exclusive=True
-        )
+        set_positive(self, "v_max")
         margin = finite_float(f"{self.name}: margin", self.margin, minimum=0.0)
-        if margin >= v_max:
-            raise InvalidInputError(f"{self.name}: margin: got {margin}, expected below {v_max}")
-        object.__setattr__(self, "v_max", v_max)
+        if margin >= self.v_max:
+            text = f"{self.name}: margin: got {margin}, expected below {self.v_max}"
+            raise InvalidInputError(text)
         object.__setattr__(self, "margin", margin)
 
     def write(self, c: Array) -> int:
