@@ -12,9 +12,8 @@ input to a state that h reads is the derivative that the input enters first, unl
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Mask
+from hcbf_gym.arrays import Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.models.reduced_order import ReducedOrderModel
@@ -50,9 +49,9 @@ class LateInputs:
                 moved[k] += _CHANGE * (1.0 + abs(x[k]))
                 self.states[:, k] |= np.abs(model.f(moved) - f) > rounding
                 self.states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
-        self._is_late: dict[bytes, bool] = {}  # reads and inputs of a reach → whether one misses
+        self._is_late: dict[bytes, bool] = {}  # by `reads` and `inputs` of a reach
 
-    def degrees(self, reads: Mask) -> NDArray[np.int64]:
+    def degrees(self, reads: Mask) -> Integers:
         """Return (n_u,) the first derivative of h that each input enters; 0 if it enters none.
 
         `reads` (n,) is true for the states on which h depends.
@@ -77,9 +76,7 @@ class LateInputs:
                 messages.append(self._message(barrier, reach, late, degrees))
         return messages
 
-    def _message(
-        self, barrier: Barrier, reach: Reach, late: NDArray[np.int64], degrees: NDArray[np.int64]
-    ) -> str:
+    def _message(self, barrier: Barrier, reach: Reach, late: Integers, degrees: Integers) -> str:
         early = ", ".join(f"u[{j}]" for j in np.flatnonzero(reach.inputs))
         later = ", ".join(f"u[{j}] by derivative {max(degrees[j], reach.degree + 1)}" for j in late)
         return (

@@ -14,7 +14,7 @@ _BOUNDED = {*SHAPES} - {HalfPlane}
 
 
 class Reaches:
-    """Computes how inputs of a model reach barriers; the cache of functions does so for these."""
+    """Computes how inputs of a model reach barriers; of functions, the cache `functions` does."""
 
     def __init__(self, model: ReducedOrderModel, functions: FunctionCache) -> None:
         self._model, self._functions = model, functions

@@ -65,7 +65,7 @@ class Reserve:
     ) -> None:
         self.fixed = fixed
         self.settings = uncertainty._replace(distance=max(0.0, uncertainty.distance - fixed))
-        self.is_steep = self.settings.distance + self.settings.body > 0.0  # ‖∇h‖ scales a part
+        self.is_steep = self.settings.distance + self.settings.body > 0.0  # ‖∇h‖ scales a margin
         self._model, self._input_set, self._period = model, input_set, period or 0.0
 
     def write(
