@@ -20,7 +20,7 @@ from hcbf_gym.barriers.set import BarrierSet, places_of
 from hcbf_gym.barriers.shapes import SHAPES
 
 _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
-_NEW = -1  # in the place of the former place of an object
+_NEW = -1  # no former place; in `_starts` the index of the last column, which is the time now
 
 
 class OwnShape(NamedTuple):
