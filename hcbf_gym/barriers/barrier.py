@@ -1,7 +1,7 @@
 """What a barrier is: a ranked safety condition h(x, t) ≥ 0 with its derivatives.
 
-A user's own barrier is a subclass of `Barrier`, a frozen dataclass with a `jet`; or of
-`PlanarBarrier` where it depends on the position alone, with a `planar_jet`.
+A user's own barrier is a frozen dataclass. It is a subclass of `Barrier` with a `jet`, or, if h
+depends on the position alone, of `PlanarBarrier` with a `planar_jet`.
 """
 
 import math
@@ -37,15 +37,15 @@ class Jet(NamedTuple):
 
 
 class Core(NamedTuple):
-    """The convex set from which a barrier is a distance: ``h = distance − radius``, seen locally.
+    """The convex set from which a barrier is a distance near a position: ``h = distance − radius``.
 
-    A disc is all that lies within its radius of its centre; a convex polygon all that lies within 0
-    of itself, or of a corner where no other part of it can become the nearest.
+    The core of a disc is its centre. That of a convex polygon is the polygon, or one of its corners
+    where no other part can become the nearest.
 
     Attributes:
-        distance: from the core [m]; infinite where ∇H does not turn within the reach.
-        radius: how far the region reaches beyond its core [m].
-        is_point: whether the core is a point, from all of the reach.
+        distance: the distance from the core [m]; infinite where ∇H does not turn within the reach.
+        radius: how far the region extends beyond its core [m].
+        is_point: whether the core is a point everywhere within the reach.
     """
 
     distance: float
@@ -54,10 +54,10 @@ class Core(NamedTuple):
 
 
 def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
-    """Return the jet of n states that a user's own barrier returned.
+    """Return what a user's own barrier returned as a jet of n states, if it is one.
 
     Raises:
-        InvalidInputError: if it is none, or `finite` and not of finite numbers.
+        InvalidInputError: if it is no jet, or `finite` is true and an entry is not finite.
     """
     if isinstance(jet, Jet) and is_plain(jet, n):
         return jet
@@ -65,10 +65,10 @@ def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
     try:
         fields = [np.asarray(field) for field in jet]
         fits = len(fields) == len(shapes) and all(
-            getattr(given, "shape", ()) == shape and field.dtype.kind in "fiu"
+            getattr(given, "shape", ()) == shape and field.dtype.kind in "fiu"  # real numbers
             for given, field, shape in zip(jet, fields, shapes, strict=False)
         )
-    except (TypeError, ValueError):  # nothing to go through, or a ragged list
+    except (TypeError, ValueError):  # not iterable, or a ragged list
         fields, fits = [], False
     if not fits:
         raise InvalidInputError(
@@ -81,22 +81,22 @@ def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
 
 
 def is_plain(jet: Jet, n: int) -> bool:
-    """Return in a few microseconds whether a jet is of finite floats; False may be wrong."""
+    """Return in microseconds whether a jet surely has finite floats; `checked` decides the rest."""
     h, gradient, hessian, rate, gradient_rate, rate_rate = jet
     arrays = gradient, hessian, gradient_rate
-    if not all(type(part) is np.ndarray and part.dtype == np.float64 for part in arrays):
+    if not all(type(field) is np.ndarray and field.dtype == np.float64 for field in arrays):
         return False
-    if not all(isinstance(part, float) for part in (h, rate, rate_rate)):
+    if not all(isinstance(field, float) for field in (h, rate, rate_rate)):
         return False
     if gradient.shape != (n,) or hessian.shape != (n, n) or gradient_rate.shape != (n,):
         return False
-    sizes = np.vdot(gradient, gradient) + np.vdot(hessian, hessian)
-    sizes += np.vdot(gradient_rate, gradient_rate)
-    return math.isfinite(sizes + abs(h) + abs(rate) + abs(rate_rate))
+    total = np.vdot(gradient, gradient) + np.vdot(hessian, hessian)
+    total += np.vdot(gradient_rate, gradient_rate)
+    return math.isfinite(total + abs(h) + abs(rate) + abs(rate_rate))
 
 
 def check_name(name: object, priority: object) -> None:
-    """Refuse another name than text, or a priority that is no rank.
+    """Refuse a name that is no text, or a priority that is no rank.
 
     Raises:
         InvalidInputError: if the name is empty or the priority no integer from 1 to `LOWEST_RANK`.
@@ -144,7 +144,7 @@ class Barrier(ABC):
         return self.jet(x, t).h
 
     def moved(self, step: Array) -> "Barrier":
-        """Return the same condition a step (2,) [m] away: h(x) there is h(x − step) here."""
+        """Return the condition moved by a step (2,) [m], whose h at x is this h at x − step."""
         if not self.reads_position:
             return self
         return Elsewhere(self.name, self.priority, self, np.array(step))
@@ -152,11 +152,10 @@ class Barrier(ABC):
     def batch(self, x: Array, t: Array) -> Jet:
         """Return h and its derivatives at N states x (N, n) and times t (N,), with a leading N.
 
-        This form calls `jet` N times; a subclass may compute all of them at once.
+        The default calls `jet` N times; a subclass may compute all jets at once.
         """
         jets = [self.jet(state, float(time)) for state, time in zip(x, t, strict=True)]
-        stacked: Any = (np.array(field) for field in zip(*jets, strict=True))
-        return Jet(*stacked)
+        return Jet._make(np.array(field) for field in zip(*jets, strict=True))
 
 
 @dataclass(frozen=True)
@@ -182,7 +181,7 @@ class PlanarBarrier(Barrier):
     def core(self, q: Array, reach: float) -> Core | None:
         """Return the core of a convex region around which ∇H turns, or None if that is unknown.
 
-        Rows for a held input rest on it; without it a barrier has its usual row.
+        Rows for a held input need it; without it a barrier has its usual row.
 
         Args:
             q: (2,) position in the barrier's frame [m].
@@ -211,49 +210,50 @@ class PlanarBarrier(Barrier):
 
 @dataclass(frozen=True, eq=False)
 class Elsewhere(Barrier):
-    """Another condition, moved by a step (2,) [m]."""
+    """Another condition, `original`, moved by a step (2,) [m]."""
 
-    of: Barrier
+    original: Barrier
     step: Array
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives."""
-        return self.of.jet(self._back(x), t)
+        return self.original.jet(self._moved_back(x), t)
 
     def batch(self, x: Array, t: Array) -> Jet:
         """Return h and its derivatives at many states."""
-        return self.of.batch(self._back(x), t)
+        return self.original.batch(self._moved_back(x), t)
 
-    def _back(self, x: Array) -> Array:
-        """Return states (…, n) as the other sees them."""
-        seen = np.array(x)
-        seen[..., :2] -= self.step
-        return seen
+    def _moved_back(self, x: Array) -> Array:
+        """Return states (…, n) whose positions are moved by −step."""
+        states = np.array(x)
+        states[..., :2] -= self.step
+        return states
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarElsewhere(PlanarBarrier):
     """Another condition on the position, moved; see `Elsewhere`."""
 
-    of: PlanarBarrier
+    original: PlanarBarrier
     step: Array
 
     @property
     def frame_velocity(self) -> Array:
-        """(2,) as the other's [m/s]."""
-        return self.of.frame_velocity
+        """(2,) the velocity of the original's frame [m/s]."""
+        return self.original.frame_velocity
 
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
         """Return H, ∇H and ∇²H at a position q (2,)."""
-        return self.of.planar_jet(q - self.step)
+        return self.original.planar_jet(q - self.step)
 
     def core(self, q: Array, reach: float) -> Core | None:
         """Return the core; see `PlanarBarrier.core`."""
-        return self.of.core(q - self.step, reach)
+        return self.original.core(q - self.step, reach)
 
 
 def reads_time(barrier: Barrier, n: int) -> bool:
-    """Return whether h of n states depends on time, at sampled states."""
+    """Return whether h of n states changes with time, at eight sampled states and three times."""
     states = np.random.default_rng(0).normal(size=(8, n))
     values = np.array([[barrier.h(x, t) for t in (0.0, 0.7, 31.0)] for x in states])
-    return not np.array_equal(values, np.broadcast_to(values[:, :1], values.shape), equal_nan=True)
+    at_time_0 = np.broadcast_to(values[:, :1], values.shape)
+    return not np.array_equal(values, at_time_0, equal_nan=True)

@@ -13,17 +13,11 @@ from hcbf_gym.errors import InvalidInputError, finite_float, shown
 
 @dataclass(frozen=True)
 class ClassK:
-    """A class-K function of positive parameters: `KINDS` lists what there is.
+    """A class-K function of positive parameters; `KINDS` lists its subclasses."""
 
-    Attributes:
-        code: the first of the four numbers by which the core reads it.
-        scale: the parameter that multiplies α.
-        rate: the one that multiplies h.
-    """
-
-    code: ClassVar[float]
-    scale: ClassVar[str]
-    rate: ClassVar[str]
+    code: ClassVar[float]  # by which the core recognises the function
+    scale: ClassVar[str]  # the name of the parameter that multiplies α
+    rate: ClassVar[str]  # the name of the parameter that multiplies h
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -44,9 +38,9 @@ class ClassK:
         return np.inf
 
     def parameters(self) -> Array:
-        """Return (4,) the code and the parameters, as the core reads them."""
-        numbers = [self.code, *(getattr(self, field.name) for field in fields(self))]
-        return np.array([*numbers, 0.0, 0.0][:4])
+        """Return (4,) the code and up to three parameters, as the core reads them."""
+        parameters = [getattr(self, field.name) for field in fields(self)]
+        return np.array([self.code, *parameters, 0.0, 0.0])[:4]
 
     @cached_property
     def _numbers(self) -> Array:
@@ -57,7 +51,7 @@ class ClassK:
         return _core.class_k_value(self._numbers, h)
 
     def values(self, h: Array) -> Array:
-        """Return α(h) (m,) of h (m,)."""
+        """Return α(h) (m,) for h (m,)."""
         out = np.empty(h.size)
         _core.class_k_values(self._numbers, h, out)
         return out
@@ -120,7 +114,7 @@ class LogClassK(ClassK):
 
 @dataclass(frozen=True)
 class BrakeClassK(ClassK):
-    """The approach speed from which a deceleration a stops within h, an α₁ close to what U can do.
+    """An α₁ close to what U can do: the approach speed from which a deceleration a stops within h.
 
     ``α(h) = sign(h) (√(2a|h| + c²) − c)``, with the slope ``a / √(2a|h| + c²)``
 
@@ -140,7 +134,7 @@ class BrakeClassK(ClassK):
     rate: ClassVar[str] = "deceleration"
 
     def scaled(self, factor: float) -> Self:
-        """Return ``factor · α``, of ``factor² a`` and ``factor c``."""
+        """Return ``factor · α``, which has the parameters ``factor² a`` and ``factor c``."""
         return replace(
             self, deceleration=factor**2 * self.deceleration, offset=factor * self.offset
         )
@@ -151,21 +145,21 @@ class BrakeClassK(ClassK):
         return 250.0 * self.offset
 
     def parameters(self) -> Array:
-        """Return (4,) the code, a, 0 and c."""
+        """Return (4,) the code, a, 0 and c, as the core reads them."""
         return np.array([self.code, self.deceleration, 0.0, self.offset])
 
 
 KINDS: dict[str, type] = {"linear": LinearClassK, "log": LogClassK, "brake": BrakeClassK}
 GAIN: float = _core.GAIN
-"""Of α₂ and of speed limits [1/s], where the robot moves as its model; else `Plant.gain`."""
+"""The gain of α₂ and of speed limits [1/s], if the robot moves as its model; else `Plant.gain`."""
 
 
 def unless_given(period: float | None, gain: float = GAIN) -> LinearClassK:
-    """Return α₂, and that of speed limits, unless the user gives them: ``min(gain, 0.5/T) · ψ``.
+    """Return α₂, and α of speed limits, unless the user gives them: ``min(gain, 0.5/T) · ψ``.
 
     Args:
-        period: T [s]; None takes the longest that rows allow for.
-        gain: of the plant [1/s].
+        period: T [s]; None takes the longest period that rows allow.
+        gain: the plant's gain [1/s].
     """
     return LinearClassK(_core.class_k_gain_at(period or _core.LONGEST_HOLD, gain))
 

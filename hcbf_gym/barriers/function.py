@@ -1,7 +1,7 @@
 """A user's own h(x, t), differentiated automatically (the extra `jax`); minimum and maximum."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -13,7 +13,8 @@ from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.errors import InvalidInputError, finite_array, reals, shown
 from hcbf_gym.models.autodiff import compile64, import_jax
 
-Scalar = Callable[[Any, Any], Any]
+Scalar = Callable[[Any, Any], Any]  # (x, t) → a scalar, while JAX traces it
+Signature = tuple[Callable[..., Any], tuple[int, ...] | None]  # with the parameters' shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class Function(Barrier):
     Example:
         >>> import jax.numpy as jnp
         >>> from hcbf_gym import barriers
-        >>> def clear(x, t, p):  # of what a sensor sees at p
+        >>> def clear(x, t, p):  # the distance of a pillar, which a sensor sees at p
         ...     return jnp.hypot(x[0] + 0.2 * jnp.cos(x[2]) - p[0], x[1] - p[1]) - 0.7
         >>> seen = barriers.Function("pillar", 1, clear, parameters=[1.0, 0.0])
         >>> round(seen.h(np.array([0.0, 0.0, 0.0])), 3)
@@ -56,11 +57,11 @@ class Function(Barrier):
                 f"{self.name}: got {shown(self.function)}, expected a function h(x, t)"
             )
         if self.parameters is not None:
-            name = f"{self.name}: parameters"
-            shape = (None,) * reals(name, self.parameters).ndim
-            given = finite_array(name, self.parameters, shape)
-            given.flags.writeable = False
-            object.__setattr__(self, "parameters", given)
+            label = f"{self.name}: parameters"
+            any_shape = (None,) * reals(label, self.parameters).ndim
+            parameters = finite_array(label, self.parameters, any_shape)
+            parameters.flags.writeable = False
+            object.__setattr__(self, "parameters", parameters)
         import_jax("barriers.Function")
 
     def __eq__(self, other: object) -> bool:
@@ -76,13 +77,13 @@ class Function(Barrier):
         return hash((self.name, self.priority, self.signature))
 
     @property
-    def signature(self) -> tuple[Callable[..., Any], tuple[int, ...] | None]:
-        """What is compiled for: the function and the shape of its parameters."""
+    def signature(self) -> Signature:
+        """The function and the shape of its parameters: equal ones share what is compiled."""
         return self.function, None if self.parameters is None else np.shape(self.parameters)
 
     @property
     def packed(self) -> Array:
-        """The parameters in one row (k,); empty where there are none."""
+        """The parameters as an array (k,); it is empty where there are none."""
         return np.zeros(0) if self.parameters is None else np.ravel(self.parameters)
 
     @cached_property
@@ -90,40 +91,35 @@ class Function(Barrier):
         return _compile_jet(*self.signature)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the fields alone: what is compiled is not copied."""
-        names = ("name", "priority", "function", "parameters")
-        return {name: getattr(self, name) for name in names}
+        """Return the fields alone, because compiled code cannot be copied."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def of(self, packed: Any) -> Scalar:
-        """Return h(x, t) with the parameters (k,) in one row, while JAX traces it.
+    def with_parameters(self, packed: Any) -> Scalar:
+        """Return (x, t) → h with these parameters (k,), for JAX to trace.
 
-        Raises:
-            InvalidInputError: when called, if `function` is not written with jax.numpy or returns
-                no scalar.
+        A call raises an InvalidInputError if `function` is not in jax.numpy or returns no scalar.
         """
         return _traced(self.name, *self.signature, packed)
 
     def traced(self, x: Any, t: Any) -> Any:
-        """Return h while JAX traces it; see `of`."""
-        return self.of(self.packed)(x, t)
+        """Return h with the function's own parameters, while JAX traces it."""
+        return self.with_parameters(self.packed)(x, t)
 
     def batch(self, x: Array, t: Array) -> Jet:
-        """Return h and its derivatives at many states, compiled as one."""
-        found = _compile_jet(*self.signature, many=True)(x, t, self.packed)
-        stacked: Any = map(np.array, found)
-        return Jet(*stacked)
+        """Return h and its derivatives at N states (N, n) and times (N,), in one compiled call."""
+        traced_fields = _compile_jet(*self.signature, batched=True)(x, t, self.packed)
+        return Jet._make(map(np.array, traced_fields))
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its derivatives."""
-        found = self._compiled(x, float(t), self.packed)
-        parts: Any = [np.array(part) if np.ndim(part) else float(part) for part in found]
-        return Jet(*parts)
+        """Return h and its derivatives at the state x (n,) and time t [s]."""
+        traced_fields = self._compiled(x, float(t), self.packed)
+        return Jet._make(np.array(one) if np.ndim(one) else float(one) for one in traced_fields)
 
 
 def _traced(
     name: str, function: Callable[..., Any], shape: tuple[int, ...] | None, packed: Any
 ) -> Scalar:
-    """Return (x, t) → h of parameters in one row; see `Function.of`."""
+    """Return (x, t) → h with the parameters (k,), which are first given their shape again."""
     jax = import_jax("barriers.Function")
 
     def traced(x: Any, t: Any) -> Any:
@@ -144,43 +140,46 @@ def _traced(
 
 @lru_cache(maxsize=32)
 def _compile_jet(
-    function: Callable[..., Any], shape: tuple[int, ...] | None, many: bool = False
+    function: Callable[..., Any], shape: tuple[int, ...] | None, batched: bool = False
 ) -> Callable[..., Any]:
-    """Return (x, t, packed parameters) → the entries of a `Jet`, of one state or of many."""
+    """Return (x, t, parameters (k,)) → the fields of a `Jet`, at one state or at N if batched."""
     jax = import_jax("barriers.Function")
 
     def jet(x: Any, t: Any, packed: Any) -> tuple[Any, ...]:
         h = _traced("function", function, shape, packed)
-        of_x, of_t = jax.grad(h, 0), jax.grad(h, 1)
-        hessian, gradient_rate = jax.jacfwd(of_x, (0, 1))(x, t)
-        return h(x, t), of_x(x, t), hessian, of_t(x, t), gradient_rate, jax.grad(of_t, 1)(x, t)
+        gradient, rate = jax.grad(h, 0), jax.grad(h, 1)
+        hessian, gradient_rate = jax.jacfwd(gradient, (0, 1))(x, t)
+        rate_rate = jax.grad(rate, 1)(x, t)
+        return h(x, t), gradient(x, t), hessian, rate(x, t), gradient_rate, rate_rate
 
-    return compile64(jax.vmap(jet, (0, 0, None)) if many else jet)
+    return compile64(jax.vmap(jet, (0, 0, None)) if batched else jet)
 
 
 def minimum(*parts: Scalar | Function) -> Scalar:
-    """Return ``min h_i``, a function for `Function`: every part holds.
+    """Return ``min h_i``, a function for `Function`: it is ≥ 0 where every part is.
 
     It has kinks, where a row's conditioning falls; prefer conditions of one priority.
     """
-    return _extreme(parts, lambda one, other: one < other)
+    return _extreme(parts, lambda value, best: value < best)
 
 
 def maximum(*parts: Scalar | Function) -> Scalar:
-    """Return ``max h_i``, a function for `Function`: at least one part holds; see `minimum`."""
-    return _extreme(parts, lambda one, other: one > other)
+    """Return ``max h_i``, which is ≥ 0 where at least one part is; it has kinks as `minimum`."""
+    return _extreme(parts, lambda value, best: value > best)
 
 
-def _extreme(parts: tuple[Scalar | Function, ...], beats: Callable[[Any, Any], Any]) -> Scalar:
+def _extreme(parts: tuple[Scalar | Function, ...], is_better: Callable[[Any, Any], Any]) -> Scalar:
+    """Return the best of the parts at every state, by `is_better(value, best)`."""
     if not parts:
         raise InvalidInputError("minimum, maximum: got nothing, expected functions h(x, t)")
     functions = [part.traced if isinstance(part, Function) else part for part in parts]
     jnp = import_jax("minimum, maximum").numpy
 
     def extreme(x: Any, t: Any) -> Any:
-        value, *others = (h(x, t) for h in functions)
-        for other in others:
-            value = jnp.where(beats(other, value), other, value)  # one part's derivatives
-        return value
+        best, *others = (h(x, t) for h in functions)
+        for value in others:
+            # jnp.minimum would give the mean of two derivatives where the parts are equal
+            best = jnp.where(is_better(value, best), value, best)
+        return best
 
     return extreme

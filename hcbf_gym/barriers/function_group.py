@@ -7,11 +7,13 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
 from hcbf_gym.barriers.function import Function
-from hcbf_gym.barriers.function_rows import EARLY, H, RowsKernel
+from hcbf_gym.barriers.function_rows import FunctionRow, RowsKernel
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import Flat
 from hcbf_gym.barriers.relative_degree import VANISHED
 from hcbf_gym.errors import InvalidInputError
+
+_H, _EARLY_INPUTS = FunctionRow.column("h"), FunctionRow.column("early_inputs")
 
 
 class Instant(NamedTuple):
@@ -26,57 +28,57 @@ class Instant(NamedTuple):
 class Group(NamedTuple):
     """k functions of the same signatures, at the same places of K scenes."""
 
-    scenes: Integers  # (K,) which of N
-    places: Integers  # (k,) which of m
+    scenes: Integers  # (K,) the index of each scene among N
+    places: Integers  # (k,) the index of each function among the m barriers of a scene
     kernel: RowsKernel
     functions: tuple[Function, ...]  # k, those of the first scene
-    parameters: Array  # (K, p) of each scene's functions, one behind another
+    parameters: Array  # (K, p) the parameters of each scene's functions, one behind another
 
     def rows(self, at: Instant) -> Array:
-        """Return the rows (K, k, n_u + 5) of K states, whose columns `function_rows` names.
+        """Return the rows (K, k, n_u + 5) of K states, whose columns are those of `FunctionRow`.
 
         Raises:
             InvalidInputError: if h is not finite, or an input appears below the relative degree.
         """
-        shape = len(at.x), len(self.functions), self.kernel.model.n_u + 5
+        shape = len(at.x), len(self.functions), -1
         if len(at.x) == 1:
-            first = at.x[0], at.t, at.margin[0], at.margin_rate[0], self.parameters[0]
-            out = np.asarray(self.kernel.one(np.concatenate(first))).reshape(shape)
+            inputs = at.x[0], at.t, at.margin[0], at.margin_rate[0], self.parameters[0]
+            rows = np.asarray(self.kernel.at_state(np.concatenate(inputs))).reshape(shape)
         else:
-            made = np.asarray(self.kernel.many(*at, self.parameters))
-            out = np.ascontiguousarray(np.moveaxis(made, -1, 0)).reshape(shape)
-        early = out[..., EARLY]
-        if not early.max() <= VANISHED:
-            self._refuse(out[..., H], early)
-        return out
+            by_column = np.asarray(self.kernel.at_states(*at, self.parameters))  # (k (n_u + 5), K)
+            rows = np.ascontiguousarray(by_column.T).reshape(shape)
+        early_inputs = rows[..., _EARLY_INPUTS]
+        if not early_inputs.max() <= VANISHED:  # or NaN, where h is not finite
+            self._refuse(rows[..., _H], early_inputs)
+        return rows
 
     def rows_beside(self, at: Instant, rows: Array, kinks: Kinks, scenes: Sequence[Flat]) -> Array:
         """Return rows (K, k, n_u + 5) with those that are not finite taken beside their states.
 
-        `scenes` has the barriers of all N, whose names are in warnings.
+        `scenes` has the barriers of all N scenes, whose names are in warnings.
         """
         rows = rows.copy()
         for j, k in np.argwhere(~np.isfinite(rows).all(axis=2)):
-            i = int(self.scenes[j])
-            for beside in kinks.states_beside(self.kernel.model, at.x[j], i):
-                moved = at.x.copy()
-                moved[j] = beside
-                row = self.rows(at._replace(x=moved))[j, k]
+            scene = int(self.scenes[j])
+            for state_beside in kinks.states_beside(self.kernel.model, at.x[j], scene):
+                x = at.x.copy()
+                x[j] = state_beside
+                row = self.rows(at._replace(x=x))[j, k]
                 if np.isfinite(row).all():
-                    barrier: Any = scenes[i][self.places[k]]
+                    barrier: Any = scenes[scene][self.places[k]]
                     kinks.warn_once(barrier, at.x[j])
-                    h = rows[j, k, H]
+                    h = rows[j, k, _H]
                     rows[j, k] = row
-                    rows[j, k, H] = h
+                    rows[j, k, _H] = h
                     break
         return rows
 
-    def _refuse(self, h: Array, early: Array) -> None:
-        """Raise the error of the function that is wrong."""
+    def _refuse(self, h: Array, early_inputs: Array) -> None:
+        """Raise the error of the first function that is wrong, by these columns (K, k)."""
         for k, function in enumerate(self.functions):
             if not np.isfinite(h[..., k]).all():
                 raise InvalidInputError(f"{function.name}: got h = {h[..., k]}, expected finite h")
-            if (early[..., k] > VANISHED).any():
+            if (early_inputs[..., k] > VANISHED).any():
                 raise InvalidInputError(
                     f"{function.name}: got an input in a derivative below the relative degree "
                     f"{self.kernel.reaches[k].degree} of all sampled states, expected one degree "

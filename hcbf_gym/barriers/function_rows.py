@@ -1,34 +1,47 @@
-"""The rows of users' functions, compiled together, by automatic differentiation.
-
-A row has n_u + 5 columns: a (n_u,), b, h, α₂(ψ), its conditioning, and early inputs, the largest
-entry of L_g ψ below the relative degree. Conditioning is 0 where a row does not depend on the input
-or is not finite, and less than 1 where L_g ψ is small or turns at a kink of h.
-"""
+"""The rows of users' functions, compiled together, by automatic differentiation."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.class_k import ClassK
+from hcbf_gym.barriers.class_k import BrakeClassK, ClassK, LinearClassK
 from hcbf_gym.barriers.function import Function, Scalar
 from hcbf_gym.barriers.relative_degree import VANISHED, Reach, first_reach, samples
 from hcbf_gym.models.autodiff import compile64, import_jax, run64
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-H, EARLY = -4, -1
-"""The columns of h and of early inputs, from the end."""
+_Alphas = tuple[Callable[[Any], Any], Callable[[Any], Any]]  # α₁ and α₂, in jax.numpy
+_PROBE = 1e-6  # how far to both sides of x a kink is looked for, relative to 1 + |x|
+_LEAST_KINK = 1e-2  # the relative change of slope that counts as a kink; curvature is below
 
-_PROBE = 1e-6  # how far to both sides a kink is looked for, relative to 1 + |x|
-_KINK = 1e-2  # least relative turn that counts as one; curvature and rounding stay below
+
+class FunctionRow(NamedTuple):
+    """One row, whose columns the core reads in the order of these fields.
+
+    Conditioning is 0 where no input enters the row or L_g ψ_{r−1} is not finite, and less than 1
+    where L_g ψ_{r−1} is small or h has a kink. Early inputs are the largest entry of |L_g ψ_k| for
+    k < r − 1, relative to `Reach.size`; they are NaN where h is not, so that one test finds both.
+    """
+
+    a: Any  # (n_u,) L_g ψ_{r−1}
+    b: Any
+    h: Any  # without the margin
+    alpha2_psi: Any  # α₂(ψ_{r−1})
+    conditioning: Any
+    early_inputs: Any
+
+    @classmethod
+    def column(cls, field: str) -> int:
+        """Return the column of a field behind a (n_u,), counted from the end."""
+        return cls._fields.index(field) - len(cls._fields)
 
 
 class RowsKernel:
     """The rows of m functions for one model, by the equations of `GeneralRows`.
 
-    Every call returns early inputs, so that its caller finds an input below the relative degree.
-    Where a derivative is not finite, the row is not either.
+    A row is a `FunctionRow`. Where a derivative is not finite, the row is not either.
 
     Args:
         model: ẋ = f(x) + g(x)u, with f and g in jax.numpy (the models of this package are).
@@ -43,6 +56,8 @@ class RowsKernel:
 
     Attributes:
         reaches: how inputs reach each of the functions.
+        at_state: x, t, margins, their rates and parameters in one array → the rows (m, n_u + 5).
+        at_states: the same in five arrays with a leading K → (m (n_u + 5), K).
     """
 
     def __init__(
@@ -58,65 +73,67 @@ class RowsKernel:
         alphas = _traced_class_k(alpha1), _traced_class_k(alpha2)
         kernel = _rows_kernel(model, functions, self.reaches, alphas)
         jax = import_jax("barriers.Function")
-        wrap = compile64 if compiled else run64
-        many = jax.vmap(kernel)
-        self.one = wrap(_packed(kernel, model.n, len(functions)))
-        self.many = wrap(lambda *inputs: jax.numpy.stack(many(*inputs)))
+        run = compile64 if compiled else run64
+        batched = jax.vmap(kernel)
+        self.at_state = run(_with_one_array(kernel, model.n, len(functions)))
+        self.at_states = run(lambda *inputs: jax.numpy.stack(batched(*inputs)))
 
 
 def reach_of_function(model: ReducedOrderModel, function: Function) -> Reach:
-    """Return how inputs reach a function, by any derivative.
-
-    Raises:
-        InvalidInputError: if none does.
-    """
+    """Return how inputs reach a function; raise an error if not by one of n derivatives."""
     jax = import_jax("barriers.Function")
-    h = function.traced
     states, times = samples(model)
 
     def at_samples(derivative: Callable[[Any, Any], Any]) -> Array:
         return np.array(run64(jax.vmap(derivative))(states, times))
 
-    def levels() -> Iterator[Array]:
-        psi: Scalar = h
+    def lie_derivatives() -> Iterator[Array]:
+        psi: Scalar = function.traced
         for _ in range(model.n):
-            yield at_samples(_along_inputs(model, psi)).T
-            psi = _lie(model, psi)
+            yield at_samples(_lie_along_inputs(model, psi)).T
+            psi = _lie_along_drift(model, psi)
 
-    return first_reach(function, model, at_samples(jax.grad(h)), levels())
+    gradients = at_samples(jax.grad(function.traced))
+    return first_reach(function, model, gradients, lie_derivatives())
 
 
-def _lie(model: ReducedOrderModel, h: Scalar) -> Scalar:
-    """Return L_f h + ∂h/∂t."""
+def _lie_along_drift(model: ReducedOrderModel, h: Scalar) -> Scalar:
+    """Return (x, t) → L_f h + ∂h/∂t."""
     jax = import_jax("barriers.Function")
     return lambda x, t: jax.jvp(h, (x, t), (model.f(x), 1.0))[1]
 
 
-def _along_inputs(model: ReducedOrderModel, h: Scalar) -> Callable[[Any, Any], list[Any]]:
-    """Return L_g h, n_u scalars."""
+def _lie_along_inputs(model: ReducedOrderModel, h: Scalar) -> Callable[[Any, Any], list[Any]]:
+    """Return (x, t) → L_g h, a list of n_u scalars."""
     jax = import_jax("barriers.Function")
 
-    def lie(x: Any, t: Any) -> list[Any]:
-        inputs = model.g(x)
-        zero = 0.0 * t
-        return [jax.jvp(h, (x, t), (inputs[:, j], zero))[1] for j in range(model.n_u)]
+    def lie_derivatives(x: Any, t: Any) -> list[Any]:
+        g, zero = model.g(x), 0.0 * t
+        return [jax.jvp(h, (x, t), (g[:, j], zero))[1] for j in range(model.n_u)]
 
-    return lie
+    return lie_derivatives
 
 
 def _traced_class_k(alpha: ClassK) -> Callable[[Any], Any]:
-    """Return α for JAX, with its slope at 0."""
+    """Return α written in jax.numpy; its slope at 0 is defined, too."""
     jnp = import_jax("barriers.Function").numpy
-    kind, *numbers = alpha.parameters().tolist()
-    if kind == 0.0:
-        return lambda h: numbers[0] * h
-    if kind == 2.0:
-        a, _, c = numbers
-        return lambda h: 2.0 * a * h / (jnp.sqrt(2.0 * a * jnp.abs(h) + c * c) + c)
-    phi1, phi2, phi3 = numbers
+    parameters = alpha.parameters()[1:].tolist()
+    if alpha.code == LinearClassK.code:
+        gain = parameters[0]
+        return lambda h: gain * h
+    if alpha.code == BrakeClassK.code:
+        deceleration, _, offset = parameters
+
+        def brake(h: Any) -> Any:
+            # equal to sign(h) (√(2a|h| + c²) − c), but with a slope at 0, as there is no sign
+            root = jnp.sqrt(2.0 * deceleration * jnp.abs(h) + offset * offset)
+            return 2.0 * deceleration * h / (root + offset)
+
+        return brake
+    phi1, phi2, phi3 = parameters
 
     def logarithm(h: Any) -> Any:
-        sign = jnp.where(h >= 0.0, 1.0, -1.0)
+        sign = jnp.where(h >= 0.0, 1.0, -1.0)  # jnp.sign would have no slope at 0
         return sign * phi1 * jnp.log1p(sign * h * (phi2 / phi3))
 
     return logarithm
@@ -126,64 +143,75 @@ def _rows_kernel(
     model: ReducedOrderModel,
     functions: Sequence[Function],
     reaches: Sequence[Reach],
-    alphas: tuple[Callable[[Any], Any], Callable[[Any], Any]],
-) -> Callable[..., Any]:
-    """Return (x, t, margin, rate, parameters) → the columns of m rows, one row behind another.
-
-    Early inputs are NaN where h is not finite, so that one comparison finds both.
-    """
+    alphas: _Alphas,
+) -> Callable[..., list[Any]]:
+    """Return (x, t, margins (m,), rates (m,), parameters) → the numbers of all rows in one list."""
     jax = import_jax("barriers.Function")
-    jnp = jax.numpy
-    barrier = jax.lax.optimization_barrier
-    alpha1, alpha2 = alphas
-    ends = np.cumsum([function.packed.size for function in functions]).tolist()
+    ends = np.cumsum([function.packed.size for function in functions])[:-1].tolist()
 
-    def row(k: int, x: Any, t: Any, margin: Any, rate: Any, parameters: Any) -> list[Any]:
-        value = functions[k].of(parameters)
-        scale = reaches[k].size
-        psi: Scalar = lambda x, s: value(x, s) - margin - rate * (s - t)  # noqa: E731
-        early = jnp.zeros(())
-        for _ in range(reaches[k].degree - 1):
-            early = _largest(jnp, [early, *_along_inputs(model, psi)(x, t)])
-            psi = _next(model, psi, alpha1)
-        a = _along_inputs(model, psi)(x, t)
-        bound = alpha2(psi(x, t))
-        b = -bound - _lie(model, psi)(x, t)
-        size = _largest(jnp, a)
-        h = value(x, t)
-        turn = _kink(jnp, value, x, t)
-        gone = size <= VANISHED * scale
-        conditioning = jnp.where(size < scale, size / scale, 1.0) * (1.0 - turn)
-        return [
-            *(jnp.where(gone, 0.0, entry) for entry in a),
-            b,
-            h,
-            bound,
-            jnp.where(gone | ~jnp.isfinite(size), 0.0, conditioning),
-            jnp.where(jnp.isfinite(h), early / scale, jnp.nan),
-        ]
-
-    def kernel(x: Any, t: Any, margin: Any, rate: Any, parameters: Any) -> list[Any]:
-        t = jnp.asarray(t, dtype=x.dtype)
-        own = [
-            parameters[end - f.packed.size : end] for f, end in zip(functions, ends, strict=True)
-        ]
-        # the barriers stop XLA from fusing rows with each other, which costs time and compilation
-        rows = (row(k, *barrier((x, t, margin[k], rate[k], own[k]))) for k in range(len(functions)))
-        return [entry for entries in rows for entry in entries]
+    def kernel(x: Any, t: Any, margins: Any, rates: Any, parameters: Any) -> list[Any]:
+        t = jax.numpy.asarray(t, dtype=x.dtype)
+        parameters_of = jax.numpy.split(parameters, ends)
+        numbers: list[Any] = []
+        for k, (function, reach) in enumerate(zip(functions, reaches, strict=True)):
+            # without it XLA fuses rows with each other, which costs time and compilation
+            inputs = jax.lax.optimization_barrier((x, t, margins[k], rates[k], parameters_of[k]))
+            row = _function_row(model, function, reach, alphas, inputs)
+            numbers += [*row.a, *row[1:]]
+        return numbers
 
     return kernel
 
 
-def _packed(kernel: Callable[..., Any], n: int, m: int) -> Callable[[Any], Any]:
+def _function_row(
+    model: ReducedOrderModel,
+    function: Function,
+    reach: Reach,
+    alphas: _Alphas,
+    inputs: tuple[Any, ...],
+) -> FunctionRow:
+    """Return the row of one function, while JAX traces it."""
+    jnp = import_jax("barriers.Function").numpy
+    alpha1, alpha2 = alphas
+    x, t, margin, margin_rate, parameters = inputs
+    h = function.with_parameters(parameters)
+
+    def psi_0(x: Any, time: Any) -> Any:
+        return h(x, time) - margin - margin_rate * (time - t)
+
+    psi: Scalar = psi_0
+    early_inputs = jnp.zeros(())
+    for _ in range(reach.degree - 1):
+        early_inputs = _largest(jnp, [early_inputs, *_lie_along_inputs(model, psi)(x, t)])
+        psi = _next_psi(model, psi, alpha1)
+    a = _lie_along_inputs(model, psi)(x, t)
+    alpha2_psi = alpha2(psi(x, t))
+    b = -alpha2_psi - _lie_along_drift(model, psi)(x, t)
+    size = _largest(jnp, a)
+    value = h(x, t)
+    kink = _kink(jnp, h, x, t)
+    has_vanished = size <= VANISHED * reach.size
+    conditioning = jnp.where(size < reach.size, size / reach.size, 1.0) * (1.0 - kink)
+    return FunctionRow(
+        [jnp.where(has_vanished, 0.0, entry) for entry in a],
+        b,
+        value,
+        alpha2_psi,
+        jnp.where(has_vanished | ~jnp.isfinite(size), 0.0, conditioning),
+        jnp.where(jnp.isfinite(value), early_inputs / reach.size, jnp.nan),
+    )
+
+
+def _with_one_array(kernel: Callable[..., list[Any]], n: int, m: int) -> Callable[[Any], Any]:
     """Return the kernel with one array in, and one out: each costs several microseconds."""
     jnp = import_jax("barriers.Function").numpy
+    ends = n, n + 1, n + 1 + m, n + 1 + 2 * m  # of x, t, margins and rates; parameters follow
 
-    def packed(inputs: Any) -> Any:
-        x, t, margin, rate, parameters = jnp.split(inputs, (n, n + 1, n + 1 + m, n + 1 + 2 * m))
-        return jnp.stack(kernel(x, t[0], margin, rate, parameters)).reshape(m, -1)
+    def packed_kernel(inputs: Any) -> Any:
+        x, t, margins, rates, parameters = jnp.split(inputs, ends)
+        return jnp.stack(kernel(x, t[0], margins, rates, parameters)).reshape(m, -1)
 
-    return packed
+    return packed_kernel
 
 
 def _largest(jnp: Any, values: Sequence[Any]) -> Any:
@@ -195,17 +223,21 @@ def _largest(jnp: Any, values: Sequence[Any]) -> Any:
 
 
 def _kink(jnp: Any, h: Scalar, x: Any, t: Any) -> Any:
-    """Return how much h turns within `_PROBE` of x: 0 where it is smooth, up to 1 at a kink."""
-    probe = _PROBE * (1.0 + jnp.abs(x)) * np.cos(np.arange(1.0, x.shape[0] + 1.0))
+    """Return by how much the slope of h changes within `_PROBE` of x: 0 if smooth, 1 at most.
+
+    It is ``|Δ₊ − Δ₋| / (|Δ₊| + |Δ₋|)``, of the differences of h to both sides of x.
+    """
+    oblique = np.cos(np.arange(1.0, x.shape[0] + 1.0))  # along no axis and no diagonal
+    probe = _PROBE * (1.0 + jnp.abs(x)) * oblique
     here = h(x, t)
     ahead = h(x + probe, t) - here
     behind = here - h(x - probe, t)
-    whole = jnp.abs(ahead) + jnp.abs(behind)
-    turned = jnp.abs(ahead - behind) / jnp.where(whole > 0.0, whole, 1.0)
-    return jnp.where(turned > _KINK, turned, 0.0)
+    total = jnp.abs(ahead) + jnp.abs(behind)
+    change = jnp.abs(ahead - behind) / jnp.where(total > 0.0, total, 1.0)
+    return jnp.where(change > _LEAST_KINK, change, 0.0)
 
 
-def _next(model: ReducedOrderModel, psi: Scalar, alpha: Callable[[Any], Any]) -> Scalar:
-    """Return ψ̇ along the drift, plus α(ψ)."""
-    rate = _lie(model, psi)
+def _next_psi(model: ReducedOrderModel, psi: Scalar, alpha: Callable[[Any], Any]) -> Scalar:
+    """Return ψ_{k+1} = L_f ψ_k + ∂ψ_k/∂t + α(ψ_k)."""
+    rate = _lie_along_drift(model, psi)
     return lambda x, t: rate(x, t) + alpha(psi(x, t))

@@ -1,8 +1,8 @@
 """From barriers to rows for any model: h(x, t) ≥ 0 is preserved by a condition linear in u.
 
-Built-in shapes have their derivatives in compiled code. A user's own class returns a `Jet`, from
-which compiled code makes its row. The rows of functions come from JAX, those of one `Group` at
-once. `Prepared` has which barrier is which, and `PackedRows` the columns of a row.
+Compiled code has the derivatives of built-in shapes. A user's own class returns a `Jet`, from which
+compiled code makes its row. JAX makes the rows of functions, those of one `Group` at once.
+`Prepared` assigns each barrier to one of these, and `PackedRows` names the columns of a row.
 """
 
 import math
@@ -49,27 +49,27 @@ class GeneralRows:
     .. math::
         a = L_g ψ_{r−1}, \qquad b = −α_2(ψ_{r−1}) − L_f ψ_{r−1} − ∂ψ_{r−1}/∂t.
 
-    Where r is 2 and ψ_1 below zero, the row requests at least a stop at h = margin, if U can (see
+    If r is 2 and ψ_1 < 0, the row requests at least a stop at h = margin, as far as U can (see
     rows.hpp).
 
-    r is the least order at which *any* input appears, at sampled states: inputs that would appear
-    later are not in the row, so that the filter leaves them free; `late_inputs` finds them. Where a
-    row's L_g ψ vanishes at a state, its a is set to 0: no input helps or harms there, and b > 0
-    then counts as a violation.
+    r is the least order at which *any* input appears, at sampled states. Inputs that would appear
+    later are not in the row, so that the filter leaves them free; `late_inputs` finds them. Where
+    L_g ψ vanishes at a state, a is set to 0: no input helps or harms there, and b > 0 then counts
+    as a violation.
 
     Args:
         model: ẋ = f(x) + g(x)u.
         alpha1: α₁, applied to every ψ but the last.
         alpha2: α₂, applied to the last ψ.
-        most: the most that U gives of a·u, for a (n_u,); None where U is not known.
+        most: a (n_u,) → the largest a·u of an input in U; None where U is not known.
         alpha_speed: α of speed limits; α₂ unless given.
 
     Attributes:
-        alphas: (3, 4) the functions as the core reads them.
+        alphas: (3, 4) α₁, α₂ and α of speed limits, see `ClassK.parameters`.
         conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter, small
             where L_g ψ nearly vanishes, less than 1 at a kink of a function.
-        functions: what was compiled for functions.
-        kinks: where derivatives are taken that are not finite at x.
+        functions: compiles the rows of functions.
+        kinks: evaluates derivatives beside x where they are not finite at x.
 
     Source: section II-C of the paper, with the high-order form for L_g h = 0.
     """
@@ -87,10 +87,11 @@ class GeneralRows:
         instance("alpha2", alpha2, ClassK)
         if most is not None and not callable(most):
             raise InvalidInputError(f"most: got {shown(most)}, expected a function of a (n_u,)")
+        alpha_speed = alpha2 if alpha_speed is None else alpha_speed
+        instance("alpha_speed", alpha_speed, ClassK)
         self.model, self.alpha1, self.alpha2, self._most = model, alpha1, alpha2, most
         self.functions = FunctionCache(model, alpha1, alpha2)
-        of_speed = alpha2 if alpha_speed is None else instance("alpha_speed", alpha_speed, ClassK)
-        self.alphas = np.stack([alpha.parameters() for alpha in (alpha1, alpha2, of_speed)])
+        self.alphas = np.stack([alpha.parameters() for alpha in (alpha1, alpha2, alpha_speed)])
         self._reaches = Reaches(model, self.functions)
         self._latest: Prepared | None = None
         self.conditioning = np.ones(0)
@@ -114,11 +115,11 @@ class GeneralRows:
             margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
-            kinks: those of a filter; None for the attribute.
+            kinks: evaluates derivatives at a kink, for a filter; None for the attribute.
 
         Raises:
-            InvalidInputError: if no input reaches a barrier by the second derivative, the model has
-                no velocity for a speed limit, or a jet is not made of finite numbers.
+            InvalidInputError: if no input enters the first or second derivative of a barrier, the
+                model has no velocity for a speed limit, or a jet is not made of finite numbers.
         """
         x, margin = reals("x", x), reals("margin", margin)
         conditions = listed("barriers", barriers, Barrier)
@@ -139,7 +140,7 @@ class GeneralRows:
         return CbfRows(rows.a.copy(), b, h, ranks, alpha2_psi)
 
     def _states(self, x: Array, t: object) -> States:
-        """Return the states of a call, which are refused if they are not of the model."""
+        """Return the states of a call; refuse an x or t of another shape."""
         states = np.atleast_2d(x)
         count, n = len(states), self.model.n
         if states.shape != (count, n) or not count:
@@ -160,31 +161,37 @@ class GeneralRows:
 
         Args:
             scenes: the barriers of N scenes.
-            states: one for each scene.
-            rows: with margin and margin_rate; the other fields are written.
+            states: one state for each scene.
+            rows: the rows, whose margin and margin_rate are read. All other fields are written.
             kinks: as in a call.
         """
         kinks = self.kinks if kinks is None else kinks
         try:
             self._write(scenes, states, rows, kinks)
         except UNREADABLE:
-            count = len(states.x)
-            if count == 1:
+            if len(states.x) == 1:
                 rows.b[...] = np.nan
                 return
-            for i in range(count):
-                here = slice(i, i + 1)
-                alone = BarrierSet([scenes.scenes.listed[i]])
-                m = alone.kind.shape[1]  # a batch fills up shorter scenes
-                alone.parameters[:] = scenes.scenes.parameters[here, :m]
-                part = prepared(alone, self.functions, self.reach)
-                state = States(*(field[here] for field in states))
-                self.write(part, state, PackedRows(rows.numbers[here, :m]), kinks.starting_at(i))
+            for i in range(len(states.x)):
+                self._write_alone(i, scenes, states, rows, kinks)
+
+    def _write_alone(
+        self, i: int, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks
+    ) -> None:
+        """Write the rows of scene i, so that an error of another scene does not matter to it."""
+        only_i = slice(i, i + 1)
+        scene = BarrierSet([scenes.scenes.listed[i]])
+        m = scene.kind.shape[1]  # fewer than in the batch, which fills up shorter scenes
+        scene.parameters[:] = scenes.scenes.parameters[only_i, :m]
+        prepared_scene = prepared(scene, self.functions, self.reach)
+        state = States(*(field[only_i] for field in states))
+        scene_rows = PackedRows(rows.numbers[only_i, :m])
+        self.write(prepared_scene, state, scene_rows, kinks.starting_at(i))
 
     def _write(self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks) -> None:
-        """Write the rows of N states; errors of users' own code are raised."""
+        """Write the rows of N states; raise the errors of users' own code."""
         jets = self._jets(scenes, states, kinks)
-        jacobian = self.model.jacobians_of(states.x) if scenes.turns else _NO_JACOBIAN
+        jacobian = self.model.jacobians_of(states.x) if scenes.needs_jacobian else _NO_JACOBIAN
         is_late = _core.general_rows(
             *scenes.built_in, jets, *states, jacobian, self.alphas, rows.numbers
         )
@@ -204,41 +211,43 @@ class GeneralRows:
         jets = np.zeros((count, m if scenes.custom else 0, 3 + 2 * n + n * n))
         for i, k, barrier in scenes.custom:
             jet = kinks.jet(self.model, barrier, states.x[i], float(states.t[i]), i)
-            jets[i, k, :3] = jet.h, jet.rate, jet.rate_rate
-            jets[i, k, 3 : 3 + n], jets[i, k, 3 + n : 3 + 2 * n] = jet.gradient, jet.gradient_rate
-            jets[i, k, 3 + 2 * n :] = np.ravel(jet.hessian)
+            packed = jets[i, k]
+            packed[:3] = jet.h, jet.rate, jet.rate_rate
+            packed[3 : 3 + n] = jet.gradient
+            packed[3 + n : 3 + 2 * n] = jet.gradient_rate
+            packed[3 + 2 * n :] = np.ravel(jet.hessian)
         return jets
 
     def _write_functions(
         self, group: Group, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks
     ) -> bool:
-        """Write the rows of a group, and return whether a ψ_1 of one is below zero."""
-        here = np.ix_(group.scenes, group.places)
-        part = PackedRows(rows.numbers[here])
+        """Write the rows of a group; return whether a ψ_1 of one is below zero."""
+        of_group = np.ix_(group.scenes, group.places)
+        group_rows = PackedRows(rows.numbers[of_group])
         x, t = states.x[group.scenes], states.t[group.scenes]
-        at = Instant(x, t, part.margin, part.margin_rate)
-        made = group.rows(at)
-        if not math.isfinite(made.sum()):
-            made = group.rows_beside(at, made, kinks, scenes.scenes.listed)
+        at = Instant(x, t, group_rows.margin, group_rows.margin_rate)
+        by_jax = group.rows(at)
+        if not math.isfinite(by_jax.sum()):
+            by_jax = group.rows_beside(at, by_jax, kinks, scenes.scenes.listed)
         degrees = scenes.degree[group.scenes[0], group.places]
-        is_late = _core.function_rows(made, degrees, self.alphas[1], part.numbers)
-        rows.numbers[here] = part.numbers
+        is_late = _core.function_rows(by_jax, degrees, self.alphas[1], group_rows.numbers)
+        rows.numbers[of_group] = group_rows.numbers
         return is_late
 
     def prepare(self, scenes: Sequence[Conditions]) -> Prepared:
-        """Return N scenes with all that stays the same while they hold the same barriers."""
+        """Return N scenes prepared; the latest ones again, if they hold the same barriers."""
         latest = self._latest  # read once: filters in other threads share these rows
         if latest is None or not latest.is_of(scenes):
             self._latest = latest = prepared(BarrierSet(scenes), self.functions, self.reach)
         return latest
 
     def reach(self, barrier: Barrier) -> Reach:
-        """Return how inputs reach a barrier; see `Reaches.of`."""
-        return self._reaches.of(barrier)
+        """Return how inputs reach a barrier; see `Reaches.reach_of`."""
+        return self._reaches.reach_of(barrier)
 
 
 def _fitted(name: str, value: object, shape: tuple[int, ...]) -> Array:
-    """Return numbers, or one number for all of them, in a shape."""
+    """Return numbers broadcast to a shape, of which they may lack leading axes."""
     numbers = finite_array(name, value, reals(name, value).shape)
     if numbers.ndim > len(shape) or numbers.shape != shape[len(shape) - numbers.ndim :]:
         raise InvalidInputError(f"{name}: got shape {numbers.shape}, expected {shape}")

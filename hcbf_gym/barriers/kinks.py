@@ -1,9 +1,9 @@
 """Derivatives of a barrier h at a kink, where h is finite and a derivative is not.
 
-An example is h = 1 − ‖v‖ at rest. The derivatives are then those at ``x + STEP d``, a small step
-beside the state x. The direction d is that of the velocity, or at rest that of u*, so that the row
-is that of the part of h into which the plant moves. If the derivatives are not finite there either,
-d is the first axis along which they are.
+An example is h = 1 − ‖v‖ at rest. The derivatives are then taken at ``x + STEP d``, a small step
+beside the state x. The direction d is that of the velocity, or at rest that of u*, because the
+plant moves into the part of h on that side. If the derivatives are not finite there either, d is
+the first axis of an input along which they are.
 """
 
 from collections.abc import Iterator
@@ -29,24 +29,24 @@ class Kinks:
     """Evaluates barriers of N plants beside a kink, and warns once of each barrier with one."""
 
     u: Array | None = None  # (n_u,) or (N, n_u) u* of the plants; None where it is not known
-    first: int = 0  # the plant whose index is 0, where rows are made of some plants alone
-    warned: set[str] = field(default_factory=set)  # the names of barriers that were warned of
+    first: int = 0  # the plant that has index 0 in a call for some of the plants
+    warned: set[str] = field(default_factory=set)  # the names of barriers with a warning
 
     def starting_at(self, i: int) -> "Kinks":
         """Return an object for the plants from i on, which shares u* and the given warnings."""
         return Kinks(self.u, self.first + i, self.warned)
 
     def states_beside(self, model: ReducedOrderModel, x: Array, i: int) -> Iterator[Array]:
-        """Yield states (n,) a step beside the state x (n,) of plant i, the preferred one first."""
+        """Yield states (n,) one step beside the state x (n,) of plant i, the best one first."""
         u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[self.first + i]
         f, g = model.terms(x)
         if isinstance(model, DoubleIntegrator):
             v = x[model.n_u :]
-            motion = np.tile(v if v.any() else u, 2)
+            motion = np.tile(v if v.any() else u, 2)  # position and velocity change alike
         else:
             motion = f if f.any() else g @ u
-        along_axes = [(np.arange(model.n) == j) + g[:, j] for j in range(model.n_u)]
-        for direction in (motion, *along_axes):
+        along_inputs = [np.eye(model.n)[j] + g[:, j] for j in range(model.n_u)]
+        for direction in (motion, *along_inputs):
             length = float(np.linalg.norm(direction))
             if 0.0 < length < np.inf:
                 yield x + STEP / length * direction
@@ -89,4 +89,4 @@ class Kinks:
 
 
 def _is_finite(jet: Jet) -> bool:
-    return all(np.isfinite(part).all() for part in jet)
+    return all(np.isfinite(field).all() for field in jet)

@@ -12,15 +12,14 @@ input to a state that h reads is the derivative that the input enters first, unl
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hcbf_gym.arrays import Mask
+from hcbf_gym.arrays import Integers, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.relative_degree import Reach, samples
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-_CHANGE = 0.1  # by which a state is changed, relative to 1 + |x|
-_ROUNDING = 1e-9  # the relative change of f or g that counts as none
+_CHANGE = 0.1  # the change of a state that probes f and g, relative to 1 + |x|
+_ROUNDING = 1e-9  # a smaller change of f or g, relative to their size, is rounding
 
 REMEDY = (
     "expected a condition that these inputs enter as early: one that reads a point ahead, or the "
@@ -33,8 +32,8 @@ class LateInputs:
     """Finds the barriers of a model whose rows miss an input.
 
     Attributes:
-        states: (n, n) entry (i, k) is whether ẋ_i depends on x_k.
-        inputs: (n, n_u) entry (i, j) is whether input j drives x_i.
+        states: (n, n) entry (i, k) is true if ẋ_i depends on x_k.
+        inputs: (n, n_u) entry (i, j) is true if input j drives x_i.
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
@@ -50,12 +49,12 @@ class LateInputs:
                 moved[k] += _CHANGE * (1.0 + abs(x[k]))
                 self.states[:, k] |= np.abs(model.f(moved) - f) > rounding
                 self.states[:, k] |= (np.abs(model.g(moved) - g) > rounding).any(axis=1)
-        self._is_late: dict[bytes, bool] = {}  # by the states and inputs of a reach
+        self._is_late: dict[bytes, bool] = {}  # by `reads` and `inputs` of a reach
 
-    def degrees(self, reads: Mask) -> NDArray[np.int64]:
-        """Return (n_u,) which derivative of an h of the states `reads` (n,) an input enters first.
+    def degrees(self, reads: Mask) -> Integers:
+        """Return (n_u,) the first derivative of h that each input enters; 0 if it enters none.
 
-        It is 0 for an input that enters none.
+        `reads` (n,) is true for the states on which h depends.
         """
         degrees = np.zeros(self.inputs.shape[1], dtype=np.int64)
         for degree in range(1, reads.size + 1):
@@ -64,7 +63,7 @@ class LateInputs:
         return degrees
 
     def find(self, barriers: Sequence[Barrier], reaches: Sequence[Reach]) -> list[str]:
-        """Return a sentence for each of m barriers whose row misses an input, by their reaches."""
+        """Return a sentence for each of m barriers whose row misses an input, by the m reaches."""
         messages = []
         for barrier, reach in zip(barriers, reaches, strict=True):
             key = reach.reads.tobytes() + reach.inputs.tobytes()
@@ -77,9 +76,7 @@ class LateInputs:
                 messages.append(self._message(barrier, reach, late, degrees))
         return messages
 
-    def _message(
-        self, barrier: Barrier, reach: Reach, late: NDArray[np.int64], degrees: NDArray[np.int64]
-    ) -> str:
+    def _message(self, barrier: Barrier, reach: Reach, late: Integers, degrees: Integers) -> str:
         early = ", ".join(f"u[{j}]" for j in np.flatnonzero(reach.inputs))
         later = ", ".join(f"u[{j}] by derivative {max(degrees[j], reach.degree + 1)}" for j in late)
         return (

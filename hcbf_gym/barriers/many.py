@@ -1,4 +1,4 @@
-"""The elements of a scene besides single barriers: many shapes in an array, and several in one.
+"""The elements of a scene: single barriers, arrays of shapes, and objects with several barriers.
 
 A scene is a sequence of elements. An element is a `Barrier`; `Shapes`, an array of what a scan or a
 tracker returns; or an object of a class derived from `Several`, such as a map.
@@ -22,7 +22,7 @@ from hcbf_gym.barriers.speed_limit import SpeedLimit
 from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array, reals, shown
 from hcbf_gym.models.constants import FARTHEST
 
-_BUILT_IN = {*SHAPES, SpeedLimit}  # a user's own class may derive from one and change it
+_BUILT_IN = {*SHAPES, SpeedLimit}  # exact types: a user's class may derive from one and change it
 
 
 class Several(ABC):
@@ -33,25 +33,25 @@ class Several(ABC):
     def conditions(self) -> tuple[Barrier, ...]:
         """The barriers, in the order of their infos; the same objects until one changes.
 
-        It is read at every step: other objects are other barriers.
+        It is read at every step. A changed barrier must be another object.
         """
 
 
 class Shapes:
-    """k barriers of one shape and one rank, one element of a scene.
+    """k barriers of one shape and one rank, which are one element of a scene.
 
-    They become rows without an object of each, so that a scan of 360 points costs some
-    microseconds. For two-input filters of the planar double integrator. The arrays are copied.
+    They become rows without an object for each, so that a scan of 360 points costs some
+    microseconds. Filters of the planar double integrator take them. The arrays are copied.
 
     Args:
-        name: what messages call them.
-        priority: of all of them; 1 is the highest and strict.
-        shape: the kind as JSON names it.
-        values: of k shapes: their fields in order, but for the velocity, such as "disc" (k, 3):
+        name: what messages call the shapes.
+        priority: the rank of all shapes; 1 is the highest and strict.
+        shape: the kind of shape by its name in JSON.
+        values: the fields of k shapes in order, but for the velocity, such as "disc" (k, 3):
             centre and radius [m], or "half-plane" (k, 3): unit normal into the allowed side, and
             n·p on the wall [m]; for "convex-polygon" (k, v, 2): v corners [m], counter-clockwise.
-            With one more axis in front, (N, k, …), k of each of N plants that share the scene.
-        velocity: (2,), (k, 2) or (N, k, 2) of their frames [m/s].
+            With one more axis in front, (N, k, …), each of N plants has k shapes of its own.
+        velocity: (2,), (k, 2) or (N, k, 2) the velocity of the shapes [m/s].
         moves_for: (), (k,) or (N, k) how long they go on moving, from when the object is first
             returned or set [s]. A gatekeeper lets the robot rest beyond the end of a path. Rows do
             not read it: give another object when they have stopped.
@@ -61,9 +61,9 @@ class Shapes:
         InvalidInputError: if a number is not finite or out of range, or the array of another shape.
 
     Attributes:
-        kind: their code, see `layout`.
+        kind: the code of the shape, see `layout`.
         moves_for: (k,) or (N, k) [s].
-        parameters: (k, WIDTH) or (N, k, WIDTH) what compiled code reads.
+        parameters: (k, WIDTH) or (N, k, WIDTH) the blocks of the shapes, see `layout`.
 
     Examples:
         >>> from hcbf_gym import barriers
@@ -86,36 +86,41 @@ class Shapes:
         check_name(name, priority)
         self.name = name
         self.priority = int(priority)
-        cls = choose("shape", shape, {one.kind: one for one in SHAPES})
-        self._class, self.kind = cls, cls.code
-        given = as_array(f"{name}: values", values)
-        axes = 3 if shape == "convex-polygon" else 2
-        shape_of = given.shape[: -axes + 1]
-        if given.ndim == axes + 1:
-            flat = given.reshape(-1, *given.shape[2:])
-        else:
-            flat, shape_of = given, (len(given),) if given.ndim else ()
-        blocks = cls.pack(f"{name}: {shape}", flat) if given.size else np.zeros((0, layout.WIDTH))
-        self.parameters = blocks.reshape(*shape_of, layout.WIDTH)
-        moving = as_array(f"{name}: velocity", velocity)
-        expected = (*shape_of, 2)[-moving.ndim :] if moving.ndim else (2,)
-        moving = finite_array(f"{name}: velocity", moving, expected, largest=FARTHEST)
-        self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]] = moving
+        self._class = choose("shape", shape, {cls.kind: cls for cls in SHAPES})
+        self.kind = self._class.code
+        self.parameters = self._blocks(shape, as_array(f"{name}: values", values))
+        leading = self.parameters.shape[:-1]  # (k,) or (N, k)
+        given_velocity = as_array(f"{name}: velocity", velocity)
+        fitting = (*leading, 2)[-given_velocity.ndim :] if given_velocity.ndim else (2,)
+        self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]] = finite_array(
+            f"{name}: velocity", given_velocity, fitting, largest=FARTHEST
+        )
         self.parameters.flags.writeable = False
-        lasts = reals(f"{name}: moves_for", moves_for)
-        fits = lasts.shape == (shape_of[-lasts.ndim :] if lasts.ndim else ())
-        if not (fits and (lasts >= 0.0).all()):
+        seconds = reals(f"{name}: moves_for", moves_for)
+        fits = seconds.shape == (leading[-seconds.ndim :] if seconds.ndim else ())
+        if not (fits and (seconds >= 0.0).all()):
             raise InvalidInputError(
                 f"{name}: moves_for: got {shown(moves_for)}, expected one time >= 0 [s], or "
-                f"{shape_of} of them"
+                f"{leading} of them"
             )
-        self.moves_for = np.broadcast_to(lasts, shape_of)
+        self.moves_for = np.broadcast_to(seconds, leading)
+
+    def _blocks(self, shape: str, values: Array) -> Array:
+        """Return (k, WIDTH) or (N, k, WIDTH) the blocks of shapes at rest."""
+        axes = 3 if shape == "convex-polygon" else 2  # of the values of one plant
+        leading = values.shape[:1]
+        if values.ndim == axes + 1:
+            leading, values = values.shape[:2], values.reshape(-1, *values.shape[2:])
+        blocks = np.zeros((0, layout.WIDTH))
+        if values.size:
+            blocks = self._class.pack(f"{self.name}: {shape}", values)
+        return blocks.reshape(*leading, layout.WIDTH)
 
     def of_plant(self, i: int, count: int) -> Array:
-        """Return (k, WIDTH) the numbers of plant `i` of `count`.
+        """Return (k, WIDTH) the blocks of plant `i` of `count`.
 
         Raises:
-            InvalidInputError: if they are of another number of plants.
+            InvalidInputError: if the object has those of another number of plants.
         """
         if self.parameters.ndim == 2:
             return self.parameters
@@ -127,12 +132,12 @@ class Shapes:
 
     def moved(self, step: Array) -> "Shapes":
         """Return the same shapes a step (2,) [m] away."""
-        elsewhere = copy(self)
+        moved = copy(self)
         blocks = self.parameters.reshape(-1, layout.WIDTH).copy()
         self._class.shift(blocks, step)
-        elsewhere.parameters = blocks.reshape(self.parameters.shape)
-        elsewhere.parameters.flags.writeable = False
-        return elsewhere
+        moved.parameters = blocks.reshape(self.parameters.shape)
+        moved.parameters.flags.writeable = False
+        return moved
 
     def __len__(self) -> int:
         """Return k."""
@@ -141,13 +146,13 @@ class Shapes:
 
 Element = Barrier | Shapes | Several
 Flat = tuple[Barrier | Shapes, ...]
-"""The barriers of a scene, those of a `Several` one by one."""
+"""The barriers of a scene one by one, those of a `Several` in its place."""
 Read = list[tuple[Several, tuple[Barrier, ...]]]
-"""Elements of several barriers, and the barriers of which they consisted."""
+"""Each `Several` of a scene with its barriers when the scene was read."""
 
 
 def is_list(scene: object) -> TypeGuard[Sequence[Any]]:
-    """Return whether something may be a sequence of elements, or of such sequences."""
+    """Return whether an object is a sequence other than text, as scenes and lists of scenes are."""
     return isinstance(scene, Sequence) and not isinstance(scene, str | bytes)
 
 
@@ -157,31 +162,32 @@ def are_same(one: Sequence[Any], other: Sequence[Any]) -> bool:
 
 
 def flattened(scene: Iterable[Any]) -> tuple[Flat, Read]:
-    """Return the barriers of a scene one by one, and what of it consists of several.
+    """Return the barriers of a scene one by one, and each `Several` with its barriers.
 
     Raises:
         InvalidInputError: if it is no sequence of elements.
     """
     if not is_list(scene):
         raise InvalidInputError(f"barriers: got {shown(scene)}, expected a sequence of Barriers")
-    scene = tuple(scene)
-    if all(type(one) in _BUILT_IN for one in scene):
-        return scene, []
-    read = [
-        (one, tuple(one.conditions))
-        for one in scene
-        if type(one) not in _BUILT_IN and isinstance(one, Several)
-    ]
-    if read:
-        parts = {id(one): conditions for one, conditions in read}
-        scene = tuple(b for one in scene for b in parts.get(id(one), (one,)))
-    for one in scene:
-        if type(one) not in _BUILT_IN and not isinstance(one, Barrier | Shapes):
+    elements = tuple(scene)
+    if all(type(element) in _BUILT_IN for element in elements):
+        return elements, []
+    barriers: list[Barrier | Shapes] = []
+    read: Read = []
+    for element in elements:
+        if type(element) not in _BUILT_IN and isinstance(element, Several):
+            conditions = tuple(element.conditions)
+            read.append((element, conditions))
+            barriers += conditions
+        else:
+            barriers.append(element)
+    for barrier in barriers:
+        if type(barrier) not in _BUILT_IN and not isinstance(barrier, Barrier | Shapes):
             raise InvalidInputError(
-                f"barriers: got {shown(one)}, expected an object of a class derived from "
+                f"barriers: got {shown(barrier)}, expected an object of a class derived from "
                 "hcbf_gym.barriers.Barrier, Shapes, or a map"
             )
-    return scene, read
+    return tuple(barriers), read
 
 
 def each(scene: Iterable[Any]) -> Flat:

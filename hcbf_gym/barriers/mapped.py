@@ -1,9 +1,9 @@
 """Classes of a map as barriers, and the atlas that holds their pieces.
 
-A class is all cells of one kind, covered by pieces. It is one barrier, and its h is the least of
-all pieces. A filter makes a row for each piece within the braking horizon. `docs/rows.md` proves
-that pieces beyond it need no row: with every input of U that is held for a period, h ≥ m and ψ ≥ 0
-at its end.
+A class is all cells of one kind, which convex pieces cover. It is one barrier, and its h is the
+least h of all pieces. A filter makes a row for each piece within the braking horizon.
+`docs/rows.md` proves that pieces beyond it need no row: with every input of U that is held for a
+period, h ≥ m and ψ ≥ 0 at its end.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,6 +16,7 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout, speed_limit
 from hcbf_gym.barriers.barrier import Barrier, Jet
 from hcbf_gym.barriers.pieces import Pieces
+from hcbf_gym.barriers.shape import set_positive
 from hcbf_gym.errors import finite_float
 from hcbf_gym.models.constants import FARTHEST
 from hcbf_gym.models.grid import Grid
@@ -25,7 +26,7 @@ from hcbf_gym.models.grid import Grid
 class Mapped(Barrier):
     """The base of classes of a map and of scans, for filters of the planar double integrator.
 
-    Two of them are equal only if they are the same object, as comparing all cells takes too long.
+    Objects are equal only if they are the same one, because comparing all cells takes too long.
 
     Args:
         name: what tables and figures call it.
@@ -49,9 +50,9 @@ class Mapped(Barrier):
         object.__setattr__(self, "margin", margin)
 
     def write(self, c: Array, at: int) -> int:
-        """Write the block c (WIDTH,) of a class, and return its kind (see `layout`).
+        """Write the block c (WIDTH,) of a class, and return its kind; see `layout`.
 
-        `at` is the index in the atlas at which its pieces begin.
+        `at` is the index in the atlas at which the pieces of the class begin.
         """
         c[:] = 0.0
         c[layout.PIECES] = at
@@ -62,31 +63,29 @@ class Mapped(Barrier):
         return replace(self, pieces=self.pieces.moved(step))
 
     def near(self, x: Array, beyond: float) -> tuple[Array, Array]:
-        """Return the pieces that are about as near as the nearest piece, nearest first.
+        """Return the signed distances (k,) [m] of the nearest pieces, and their gradients (k, 2).
 
         Args:
             x: (n,) a state, the position first [m].
-            beyond: how much farther than the nearest the others may be [m].
-
-        Returns:
-            The signed distances (k,) [m], and their gradients (k, 2).
+            beyond: how much farther than the nearest piece the others may be [m].
         """
         packed, position = self.pieces.packed, (float(x[0]), float(x[1]))
-        reach = max(0.0, _core.pieces_nearest(packed, 0, *position)[0]) + beyond
-        near = np.empty(len(self.pieces), dtype=np.int64)
-        near = near[: _core.pieces_near(packed, 0, *position, min(reach, FARTHEST), near)]
-        jets = np.empty((len(near), 3))  # h, ∂h/∂x and ∂h/∂y
-        _core.pieces_jets(packed, near, *position, jets)
-        jets = jets[np.lexsort(jets.T[::-1])]
+        nearest_distance = max(0.0, _core.pieces_nearest(packed, 0, *position)[0])
+        reach = min(nearest_distance + beyond, FARTHEST)
+        indices = np.empty(len(self.pieces), dtype=np.int64)
+        count = _core.pieces_near(packed, 0, *position, reach, indices)
+        jets = np.empty((count, 3))  # h, ∂h/∂x and ∂h/∂y
+        _core.pieces_jets(packed, indices[:count], *position, jets)
+        jets = jets[np.lexsort(jets.T[::-1])]  # by h, then by the gradient
         return jets[:, 0], jets[:, 1:]
 
     def nearest(self, x: Array) -> tuple[float, Array]:
         """Return the signed distance from the nearest piece [m] and its gradient (2,)."""
-        h, gx, gy = _core.pieces_jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
-        return h, np.array([gx, gy])
+        h, *gradient = _core.pieces_jet(self.pieces.packed, 0, float(x[0]), float(x[1]))
+        return h, np.array(gradient)
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
-        """Return h and its gradient; the Hessian is 0, also at corners."""
+        """Return h and its derivatives; the curvature around corners is left out."""
         n = len(x)
         h, normal = self.nearest(x)
         gradient = np.zeros(n)
@@ -99,8 +98,8 @@ class OnGrid(Mapped):
     """The base of classes that are cells of a grid.
 
     Args:
-        grid: of the map, for guidance.
-        cells: (rows, columns) which cells of that grid belong to the class, row 0 the lowest.
+        grid: the grid of the map, which guidance reads.
+        cells: (rows, columns) whether a cell of that grid belongs to the class, row 0 the lowest.
     """
 
     grid: Grid = field(kw_only=True)
@@ -116,7 +115,7 @@ class MappedRegion(OnGrid):
     """The outside of the cells of a class: h is the signed distance to the nearest piece.
 
     Args:
-        beyond: whether all that is outside the grid belongs to the class, and has pieces too.
+        beyond: whether everything outside the grid belongs to the class, and has pieces too.
     """
 
     beyond: bool = field(default=False, kw_only=True)
@@ -124,12 +123,12 @@ class MappedRegion(OnGrid):
 
 @dataclass(frozen=True, eq=False)
 class SeenRegion(Mapped):
-    """The outside of what a scan shows at its stamp. Guidance plans no path around it.
+    """The outside of the obstacles in a scan. Guidance plans no path around them.
 
     Args:
-        stamp: when the scan was taken [s]; None counts from the first step that has it.
-        period: the age up to which its margin is enough [s].
-        speed: of the fastest thing around [m/s].
+        stamp: the time at which the scan was taken [s]; None is that of the first step with it.
+        period: the age of the scan up to which its margin is enough [s].
+        speed: the speed of the fastest obstacle [m/s].
     """
 
     stamp: float | None = None
@@ -137,7 +136,7 @@ class SeenRegion(Mapped):
     speed: float = 0.0
 
     def margin_at(self, age: float) -> float:
-        """Return the margin at an age [s] [m], which reserves what may have come since."""
+        """Return the margin of a scan of an age [s], which reserves motion since its stamp [m]."""
         return min(self.margin + self.speed * max(0.0, age - self.period), FARTHEST)
 
 
@@ -146,7 +145,7 @@ class MappedZone(OnGrid):
     """A speed limit inside the cells of a class, before which the robot brakes; see `speed_limit`.
 
     Args:
-        limit: of the speed inside [m/s], positive.
+        limit: the greatest speed inside the cells [m/s], positive.
     """
 
     limit: float = field(kw_only=True)
@@ -155,13 +154,10 @@ class MappedZone(OnGrid):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        limit = finite_float(
-            f"{self.name}: limit", self.limit, minimum=0.0, maximum=FARTHEST, exclusive=True
-        )
-        object.__setattr__(self, "limit", limit)
+        set_positive(self, "limit")
 
     def write(self, c: Array, at: int) -> int:
-        """Write the block c (WIDTH,) of pieces that begin at `at` in the atlas; return the kind."""
+        """Write the block of a class, and return its kind; see `Mapped.write`."""
         super().write(c, at)
         c[layout.V_MAX], c[layout.KEPT] = self.limit, self.margin
         return self.code
@@ -172,7 +168,8 @@ class MappedZone(OnGrid):
         distance, normal = self.nearest(x)
         away = max(0.0, distance - self.margin)
         gradient, hessian = np.zeros(n), np.zeros((n, n))
-        gradient[:2] = speed_limit.BRAKING / self.limit * normal * (away > 0.0)
+        if away > 0.0:  # inside a zone h does not depend on the position
+            gradient[:2] = speed_limit.BRAKING / self.limit * normal
         gradient[2:4] = -x[2:4] / self.limit
         hessian[2:4, 2:4] = -np.eye(2) / self.limit
         h = _core.zone_value(self.limit, away, float(x[2]), float(x[3]))
@@ -182,26 +179,25 @@ class MappedZone(OnGrid):
 class Atlas:
     """The pieces of all maps in a set of scenes, one behind another in one array.
 
-    Pieces that several scenes share are there once. Pieces that no scene holds any more are removed
-    when the array is full.
+    The array has pieces once that several scenes share. Pieces that no scene holds any more are
+    removed when the array is full.
 
     Args:
-        before: an atlas that is not used any more, whose array is continued, so that a new scan
+        before: an atlas that is not used any more. Its array is continued, so that a new scan
             beside a large map does not copy the map.
 
     Attributes:
         numbers: (L,) `Pieces.packed` of all pieces; None as long as there was no map.
-        held: (scene, place) → the class of a map that is there.
+        held: (scene, place) → the class of a map at that place.
     """
 
     def __init__(self, before: "Atlas | None" = None) -> None:
         self.numbers: Array | None = None
-        self._before = (
-            before if before else None
-        )  # an empty one would keep its own predecessors alive
+        # an empty predecessor is not kept, because it would keep its own predecessors alive
+        self._before = before if before else None
         self.held: dict[tuple[int, int], Mapped] = {}
         self._begins: dict[Pieces, int] = {}  # by identity: a copied atlas has copied pieces
-        self._end = 0
+        self._end = 0  # of the numbers that are used
 
     def __bool__(self) -> bool:
         """Return whether a scene holds a class of a map."""
@@ -221,24 +217,25 @@ class Atlas:
         if pieces not in self._begins:
             if self.numbers is None or self._end + pieces.packed.size > self.numbers.size:
                 self._reallocate()
-                for other, one in self.held.items():
-                    one.write(parameters[other], self._begins[one.pieces])
+                for held_at, held in self.held.items():
+                    held.write(parameters[held_at], self._begins[held.pieces])
                 return
             self._append(self.numbers, pieces)
         barrier.write(parameters[place], self._begins[pieces])
 
-    def of(self, places: dict[int, int]) -> "Atlas":
+    def of_scenes(self, new_index: dict[int, int]) -> "Atlas":
         """Return the atlas of some scenes, which shares the array and does not write to it.
 
         Args:
-            places: index of each scene → its index in the new set.
+            new_index: the index of each of these scenes → its index in the new set.
         """
         chosen = Atlas()
         chosen.numbers = self.numbers
-        chosen._end = (
-            0 if self.numbers is None else self.numbers.size
-        )  # full, so that more pieces need a new array
-        chosen.held = {(places[i], k): one for (i, k), one in self.held.items() if i in places}
+        if self.numbers is not None:
+            chosen._end = self.numbers.size  # the array counts as full, as it is shared
+        chosen.held = {
+            (new_index[i], k): held for (i, k), held in self.held.items() if i in new_index
+        }
         return chosen
 
     def _append(self, numbers: Array, pieces: Pieces) -> None:
@@ -248,8 +245,8 @@ class Atlas:
 
     def _reallocate(self) -> None:
         """Copy the pieces that scenes hold into a new array of twice their size."""
-        alive = dict.fromkeys(one.pieces for one in self.held.values())
-        self.numbers = np.zeros(2 * sum(pieces.packed.size for pieces in alive))
+        distinct = dict.fromkeys(barrier.pieces for barrier in self.held.values())
+        self.numbers = np.zeros(2 * sum(pieces.packed.size for pieces in distinct))
         self._begins, self._end = {}, 0
-        for pieces in alive:
+        for pieces in distinct:
             self._append(self.numbers, pieces)

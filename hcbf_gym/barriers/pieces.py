@@ -1,12 +1,12 @@
 """Many convex polygons in one array of numbers, with buckets that find those near a point.
 
-The array is what compiled code reads; several are one behind another in an *atlas*, and `at` is
-where one of them begins. Buckets are squares in the frame of the map's grid, so that pieces along
-its axes are in few of them. A piece is in all buckets that its box meets, and is reported from the
-first of those that a search visits.
+Compiled code reads the array, which begins with a head (see core/include/hcbf/pieces.hpp). Several
+such arrays are one behind another in an *atlas*. Buckets are squares in the frame of the map's
+grid, so that a piece along its axes is in few of them. A piece is in all buckets that its box
+meets, and a search reports it from the first of these that it visits.
 
-Places in the array are numbers of it, exact as doubles up to 2⁵³: one array is one argument of
-every compiled call, and the pieces of another map follow without a table of their own.
+Indices in the array are stored as doubles, which are exact up to 2⁵³. So one array is the only
+argument of every compiled call, and the pieces of another map need no table.
 """
 
 from functools import cached_property
@@ -19,22 +19,23 @@ from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.shapes import convex_polygon
 
 COUNT, BLOCKS = 0, 12
-"""Where the head of the array has how many pieces there are, and where their blocks begin."""
+"""The entries of the head with the number of pieces, and with the index of the first block."""
 
 Frame = tuple[float, float, float]
+"""x [m], y [m] and yaw [rad] of a grid's origin."""
 
 
 class Pieces:
     """P convex polygons.
 
     Args:
-        corners: (P, 8, 2) of each piece, counter-clockwise [m]; what is beyond `count` does not
-            matter.
-        count: (P,) corners of each, 3 to 8.
-        frame: x [m], y [m] and yaw [rad] of the grid's origin.
-        around: how many of them, the last, are around the others and reach far beyond: buckets are
-            made for the others.
-        used: what of their margin errors of measurement may use [m], of at most 7 corners each.
+        corners: (P, 8, 2) of each piece, counter-clockwise [m]; entries beyond `count` are ignored.
+        count: (P,) the number of corners of each piece, 3 to 8.
+        frame: the grid's origin.
+        around: how many pieces, the last ones, surround the others and reach far beyond; the
+            buckets have the size of the others.
+        used: the part of the margin of these pieces that errors of measurement may consume [m]; a
+            piece has room for it with at most 7 corners.
 
     Attributes:
         packed: (L,) the numbers that compiled code reads.
@@ -45,9 +46,11 @@ class Pieces:
     ):
         blocks = np.zeros((len(count), layout.WIDTH))
         blocks[:, convex_polygon.COUNT] = count
-        inner = np.arange(corners.shape[1]) < count[:, None]
-        kept = np.where(inner[..., None], corners, 0.0).reshape(len(count), 2 * corners.shape[1])
-        blocks[:, convex_polygon.FIRST : convex_polygon.FIRST + kept.shape[1]] = kept
+        is_corner = np.arange(corners.shape[1]) < count[:, None]
+        columns = slice(convex_polygon.FIRST, convex_polygon.FIRST + 2 * corners.shape[1])
+        blocks[:, columns] = np.where(is_corner[..., None], corners, 0.0).reshape(
+            len(count), 2 * corners.shape[1]
+        )
         if used > 0.0:
             blocks[:, convex_polygon.USED] = used
         self._frame, self._around, self._used = frame, around, used
@@ -68,13 +71,15 @@ class Pieces:
 
     @property
     def _blocks(self) -> Array:
+        """(P, WIDTH) the blocks of the polygons."""
         return self.packed[int(self.packed[BLOCKS]) :].reshape(len(self), layout.WIDTH)
 
     @cached_property
     def polygons(self) -> list[Array]:
         """The corners (k, 2) of each piece [m]."""
-        ends = convex_polygon.FIRST + 2 * self._blocks[:, convex_polygon.COUNT].astype(np.int64)
+        counts = self._blocks[:, convex_polygon.COUNT].astype(np.int64)
+        first = convex_polygon.FIRST
         return [
-            block[convex_polygon.FIRST : end].reshape(-1, 2)
-            for block, end in zip(self._blocks, ends, strict=True)
+            block[first : first + 2 * count].reshape(-1, 2)
+            for block, count in zip(self._blocks, counts, strict=True)
         ]

@@ -1,9 +1,9 @@
-"""Places moving shapes: each counts from the time at which its object was first returned or set.
+"""Places moving shapes as of time 0 of the plant's clock.
 
-A new object describes the world now, and the same object moves on with its velocity w. A shape that
-is at p₀ at its time t₀ is written as of time 0 of the plant's clock, at p₀ − w t₀. So code that
-reads its block needs the plant's time alone. A `Function`, and a class with a `jet`, read that time
-themselves.
+A new object describes the world at the time t₀ at which it is first returned or set. If the same
+object is returned later, it has moved on with its velocity w. So a shape that is at p₀ at t₀ is
+written at p₀ − w t₀, its place at time 0, and code that reads its block needs the plant's time
+alone. A `Function`, and a class with a `jet`, read that time themselves.
 """
 
 from collections.abc import Sequence
@@ -20,19 +20,19 @@ from hcbf_gym.barriers.set import BarrierSet, places_of
 from hcbf_gym.barriers.shapes import SHAPES
 
 _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
-_NEW = -1
+_NEW = -1  # no former place; in `_starts` the index of the last column, which is the time now
 
 
 class OwnShape(NamedTuple):
     """A moving shape of a user's own class, and where it is at time 0 of the plant's clock."""
 
-    given: PlanarBarrier  # as it was returned or set
-    since: float  # the time from which it counts [s]
+    given: PlanarBarrier  # the object that was returned or set
+    since: float  # the time t₀ at which that was [s]
     at_zero: Barrier  # the same shape, moved to its place at time 0
 
 
 class Placing:
-    """The times from which the shapes of `count` plants count, on the clock of each plant.
+    """Holds the time t₀ of each shape of `count` plants, on the clock of its plant.
 
     Attributes:
         is_due: whether a plant has begun, or its clock went back, since scenes were placed last.
@@ -47,12 +47,12 @@ class Placing:
         self.is_due = True
 
     def forget(self, mask: Mask) -> None:
-        """Let all shapes of the masked plants (N,) count from the plant's next time."""
+        """Take all shapes of the masked plants (N,) as new at the plant's next time."""
         self._begins |= mask
         self.is_due = True
 
     def go_back(self, mask: Mask) -> None:
-        """Let no shape of the masked plants (N,) count from later than the plant's next time."""
+        """Let no t₀ of the masked plants (N,) be later than the plant's next time."""
         self._went_back |= mask
         self.is_due = True
 
@@ -62,7 +62,7 @@ class Placing:
         Args:
             given: the scenes as they were returned or set.
             now: (N,) the plants' times [s].
-            since: the time from which all shapes count [s]; None for the rule of this module.
+            since: t₀ of all shapes [s]; None for the rule of this module.
         """
         if given.is_placed:
             since = 0.0
@@ -73,16 +73,12 @@ class Placing:
         return given if given.is_placed else self._moved(given)
 
     def as_of_zero(self, barriers: Sequence[Barrier]) -> list[Barrier]:
-        """Return barriers of plant 0 as of time 0 of its clock; `place` had them last."""
-        return [
-            _moved_by(one, -since * one.frame_velocity)
-            if isinstance(one, PlanarBarrier) and since and one.frame_velocity.any()
-            else one
-            for one, since in zip(barriers, self._since[0].tolist(), strict=True)
-        ]
+        """Return the barriers of plant 0, which were placed last, as of time 0 of its clock."""
+        pairs = zip(barriers, self._since[0].tolist(), strict=True)
+        return [_at_zero(barrier, since) for barrier, since in pairs]
 
     def _starts(self, given: BarrierSet, now: Array) -> Array:
-        """Return (N, m) the times from which the shapes count [s]."""
+        """Return (N, m) the time t₀ of each shape [s]."""
         if self._listed is None or self._begins.all():
             return np.repeat(now[:, None], given.kind.shape[1], axis=1)
         before = self._since
@@ -104,11 +100,11 @@ class Placing:
                 continue
             if set(map(id, before)).isdisjoint(map(id, listed)):
                 continue
-            places = {id(one): place for one, place, _ in places_of(before)}
-            for one, place, end in places_of(listed):
-                was = places.get(id(one))
-                if was is not None:
-                    source[i, place:end] = np.arange(was, was + end - place)
+            former_places = {id(barrier): place for barrier, place, _ in places_of(before)}
+            for barrier, place, end in places_of(listed):
+                former = former_places.get(id(barrier))
+                if former is not None:
+                    source[i, place:end] = np.arange(former, former + end - place)
         return source
 
     def _moved(self, given: BarrierSet) -> BarrierSet:
@@ -121,38 +117,41 @@ class Placing:
         placed = copy(given)
         placed.parameters, placed.ends = given.parameters.copy(), given.ends + self._since
         for cls in SHAPES:
-            these = is_moved & (given.kind == cls.code)
-            if not these.any():
-                continue
-            blocks = placed.parameters[these]
-            cls.shift(blocks, steps[these])
-            placed.parameters[these] = blocks
+            is_moved_shape = is_moved & (given.kind == cls.code)
+            if is_moved_shape.any():
+                blocks = placed.parameters[is_moved_shape]
+                cls.shift(blocks, steps[is_moved_shape])
+                placed.parameters[is_moved_shape] = blocks
         placed.own, placed.listed = given.own | own, list(given.listed)
-        for i in {i for i, _ in own}:
+        for i in {scene for scene, _ in own}:
             placed.listed[i] = tuple(
-                own.get((i, k), one) for one, k, _ in places_of(given.listed[i])
+                own.get((i, k), barrier) for barrier, k, _ in places_of(given.listed[i])
             )
         return placed
 
     def _moved_own(self, given: BarrierSet) -> dict[tuple[int, int], Barrier]:
         """Return (scene, place) → a moving shape of a user's own class, as of time 0.
 
-        A shape that counts from the same time as before is the same object as before.
+        It is the same object as in the last call, if the given object and its t₀ are the same.
         """
-        before, self._own_shapes = self._own_shapes, {}
-        for place, one in given.own.items():
-            if not isinstance(one, PlanarBarrier) or not one.frame_velocity.any():
+        previous, self._own_shapes = self._own_shapes, {}
+        for place, barrier in given.own.items():
+            if not isinstance(barrier, PlanarBarrier) or not barrier.frame_velocity.any():
                 continue
             since = float(self._since[place])
-            shape = before.get(place)
-            if shape is None or shape.given is not one or shape.since != since:
-                at_zero = _moved_by(one, -since * one.frame_velocity) if since else one
-                shape = OwnShape(one, since, at_zero)
+            shape = previous.get(place)
+            if shape is None or shape.given is not barrier or shape.since != since:
+                shape = OwnShape(barrier, since, _at_zero(barrier, since))
             self._own_shapes[place] = shape
         shapes = self._own_shapes.items()
-        return {place: one.at_zero for place, one in shapes if one.at_zero is not one.given}
+        return {place: shape.at_zero for place, shape in shapes if shape.at_zero is not shape.given}
 
 
-def _moved_by(one: PlanarBarrier, step: Array) -> Barrier:
-    """Return a shape that is a step (2,) [m] away; a user's own class need not define that."""
-    return one.moved(step) if type(one) in SHAPES else PlanarBarrier.moved(one, step)
+def _at_zero(barrier: Barrier, since: float) -> Barrier:
+    """Return a barrier whose time t₀ is `since` [s] as of time 0; itself if it does not move."""
+    if not (isinstance(barrier, PlanarBarrier) and since and barrier.frame_velocity.any()):
+        return barrier
+    step = -since * barrier.frame_velocity
+    if type(barrier) in SHAPES:
+        return barrier.moved(step)
+    return PlanarBarrier.moved(barrier, step)  # a user's own class need not define `moved`

@@ -1,6 +1,6 @@
-"""CBF rows of planar double integrators, which users' own barriers have too.
+"""CBF rows of planar double integrators, for built-in shapes and users' own barriers.
 
-`planar_rows` makes all rows of N states apart from a filter. The compiled filter makes those of
+`planar_rows` makes all rows of N states without a filter. A compiled filter makes the rows of
 built-in shapes itself, and takes each row of a user's own barrier from `write_own_row`.
 """
 
@@ -57,9 +57,10 @@ def planar_rows(
     a, columns = np.empty((*shape, 2)), np.empty((4, *shape))  # columns B, H, ALPHA2_PSI and PSI
     _core.planar_rows(scenes.kind, scenes.parameters, reserved, x, t, settings.packed, a, columns)
     for (i, k), barrier in scenes.own.items():
-        row, of_row = np.zeros(WIDTH + 2), Reserved(*reserved[:, i, k].tolist())
-        write_own_row(barrier, x[i], float(t[i]), settings, of_row, row)
-        a[i, k], columns[:, i, k] = row[WIDTH:], row[:4]
+        row = np.zeros(WIDTH + 2)
+        row_reserved = Reserved(*reserved[:, i, k].tolist())
+        write_own_row(barrier, x[i], float(t[i]), settings, row_reserved, row)
+        a[i, k], columns[:, i, k] = row[WIDTH:], row[: len(columns)]
     return CbfRows(a, columns[B], columns[H], scenes.priority, columns[ALPHA2_PSI])
 
 
@@ -75,11 +76,11 @@ def write_own_row(
     """Write the row of a user's own barrier, which Python evaluates.
 
     It is the row for a held input if the settings hold u and the barrier has a core (see
-    `PlanarBarrier.core`). If not, it is the row of one instant. With a held input that row reserves
-    ½ ū T² more, because h may dip by so much between two samples.
+    `PlanarBarrier.core`). If not, it is the row of one instant. If u is held all the same, that row
+    reserves ½ ū T² more, because h may dip by so much between two samples.
 
     Args:
-        barrier: of any class.
+        barrier: a user's own.
         x: (4,) position [m] and velocity [m/s].
         t: time [s].
         settings: α₁, α₂, and whether u is held.
@@ -106,7 +107,8 @@ def _write_held_row(
 ) -> bool:
     """Write the row for a held input; return False if the barrier has no core or is at a kink."""
     w = barrier.frame_velocity
-    q, v = x[:2] - w * t, x[2:] - w  # position and velocity in the barrier's frame
+    q = x[:2] - w * t  # the position in the barrier's frame
+    v = x[2:] - w  # the velocity in it
     speed = float(np.linalg.norm(v))
     core = barrier.core(q, _core.row_reach(speed, packed))
     if core is None:
@@ -116,14 +118,15 @@ def _write_held_row(
         return False
     net = float(h) - reserved.margin - _core.row_beside_core(float(core.radius), packed)
     rate = float(gradient @ v) - reserved.rate
-    bending = core.distance * float(v @ hessian @ v) if core.is_point else 0.0
-    turn, distance = float(np.sqrt(max(0.0, bending))), float(core.distance)
+    sideways = 0.0  # the speed around the core; around a point v·∇²h·v is sideways²/distance
+    if core.is_point:
+        sideways = float(np.sqrt(max(0.0, core.distance * float(v @ hessian @ v))))
     b, alpha2_psi, psi, loss = _core.held_row(
-        net, rate, reserved.quickening, speed, turn, distance, packed
+        net, rate, reserved.quickening, speed, sideways, float(core.distance), packed
     )
     if psi < 0.0:  # too late for α₂: request at least what still stops at the margin, if U can
-        most = _core.row_support(packed, float(gradient[0]), float(gradient[1]))
-        b = max(b, _core.row_late(net, rate, loss, most))
+        greatest = _core.row_support(packed, float(gradient[0]), float(gradient[1]))
+        b = max(b, _core.row_late(net, rate, loss, greatest))
     out[WIDTH:] = gradient
     out[[B, H, ALPHA2_PSI, PSI]] = b, float(h), alpha2_psi, psi
     return True
@@ -131,7 +134,7 @@ def _write_held_row(
 
 @cache
 def instant_rows(settings: RowSettings) -> GeneralRows:
-    """Return the maker of rows that hold at a sample alone, not between two samples."""
+    """Return an object that makes rows of one instant, which do not cover the time between two."""
     packed = settings.packed
     return GeneralRows(
         DoubleIntegrator(),

@@ -1,4 +1,4 @@
-"""Scenes of any model, prepared once so that their rows can be made at many states."""
+"""Scenes for any model: all that rows need and that stays the same from state to state."""
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
@@ -28,10 +28,8 @@ class Prepared(NamedTuple):
     degree: Integers  # (N, m) the derivative of h that an input enters first
     groups: list[Group]  # the functions among the barriers
     custom: list[Entry]  # the barriers of users' own classes, which have a `jet`
-    reaches: list[
-        list[Reach]
-    ]  # for each scene, of its barriers; one list if all scenes are the same
-    turns: bool  # whether a barrier that is no function has degree 2, so that ∂f/∂x is needed
+    reaches: list[list[Reach]]  # by scene and barrier; of one scene if all scenes are the same
+    needs_jacobian: bool  # whether rows need ∂f/∂x: a barrier that is no function has degree 2
 
     @property
     def built_in(self) -> tuple[Integers, Array, Integers]:
@@ -51,11 +49,11 @@ class Prepared(NamedTuple):
         return self.custom + functions
 
     def margins(self, margin: float) -> Array:
-        """Return the margins (N, m): a barrier's own; `margin` of strict ones on the position."""
+        """Return (N, m) each barrier's own margin, and `margin` of strict ones on the position."""
         return self.scenes.own_margin + margin * self.scenes.keeps_margin
 
     def is_of(self, scenes: Sequence[Conditions]) -> bool:
-        """Return whether scenes hold the same barrier objects as these."""
+        """Return whether N scenes hold the same barrier objects as those that were prepared."""
         listed = self.scenes.listed
         return len(listed) == len(scenes) and all(map(are_same, listed, scenes))
 
@@ -63,7 +61,7 @@ class Prepared(NamedTuple):
 def prepared(
     scenes: BarrierSet, functions: FunctionCache, reach: Callable[[Barrier], Reach]
 ) -> Prepared:
-    """Prepare N scenes.
+    """Return N scenes with how inputs reach their barriers, and with groups of functions.
 
     Args:
         scenes: the scenes of N plants.
@@ -72,27 +70,28 @@ def prepared(
             InvalidInputError if none does.
     """
     listed: Any = scenes.listed
-    distinct = listed[:1] if all(one is listed[0] for one in listed) else listed
+    are_one = all(scene is listed[0] for scene in listed)
+    distinct = listed[:1] if are_one else listed
     groups = functions.groups(listed)
-    function_reaches = {
-        (int(i), int(k)): one
-        for group in groups
-        for i in group.scenes[: len(distinct)]
-        for k, one in zip(group.places, group.kernel.reaches, strict=True)
-    }
+    function_reaches: dict[tuple[int, int], Reach] = {}
+    for group in groups:
+        for i in group.scenes[: len(distinct)].tolist():
+            for k, function_reach in zip(group.places, group.kernel.reaches, strict=True):
+                function_reaches[i, int(k)] = function_reach
     reaches = [
         [function_reaches.get((i, k)) or reach(barrier) for k, barrier in enumerate(scene)]
         for i, scene in enumerate(distinct)
     ]
     kind, degree = scenes.kind.copy(), np.zeros_like(scenes.kind)
-    for row, scene_reaches in zip(degree, reaches, strict=False):
-        row[: len(scene_reaches)] = [one.degree for one in scene_reaches]
-    degree[len(distinct) :] = degree[:1]
+    for i, scene_reaches in enumerate(reaches):
+        degree[i, : len(scene_reaches)] = [one.degree for one in scene_reaches]
+    if are_one:
+        degree[1:] = degree[:1]
     custom = []
     for (i, k), barrier in sorted(scenes.own.items(), key=itemgetter(0)):
         if isinstance(barrier, Function):
             kind[i, k] = ELSEWHERE
         else:
             custom.append(Entry(i, k, barrier))
-    turns = bool((degree[kind != ELSEWHERE] == 2).any())
-    return Prepared(scenes, kind, degree, groups, custom, reaches, turns)
+    needs_jacobian = bool((degree[kind != ELSEWHERE] == 2).any())
+    return Prepared(scenes, kind, degree, groups, custom, reaches, needs_jacobian)

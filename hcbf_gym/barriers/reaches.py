@@ -1,4 +1,4 @@
-"""How inputs reach the barriers of a model, found once for all barriers that they reach alike."""
+"""How inputs reach the barriers of a model, computed once for barriers that they reach alike."""
 
 from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.function import Function
@@ -14,19 +14,19 @@ _BOUNDED = {*SHAPES} - {HalfPlane}
 
 
 class Reaches:
-    """Finds how inputs reach barriers of a model; `functions` finds it of functions."""
+    """Computes how inputs of a model reach barriers; of functions, the cache `functions` does."""
 
     def __init__(self, model: ReducedOrderModel, functions: FunctionCache) -> None:
         self._model, self._functions = model, functions
-        self._somewhere = samples(model)[0][0]
+        self._sampled_state = samples(model)[0][0]
         self._known: dict[tuple[type[Barrier], bytes], Reach] = {}
 
-    def of(self, barrier: Barrier) -> Reach:
+    def reach_of(self, barrier: Barrier) -> Reach:
         """Return how inputs reach a barrier.
 
         Raises:
-            InvalidInputError: if none has appeared in the second derivative, or the barrier is a
-                speed limit and the model has no velocity.
+            InvalidInputError: if no input enters the first or second derivative of h, or the
+                barrier is a speed limit and the model has no velocity.
         """
         if isinstance(barrier, Function):
             return self._functions.groups([[barrier]])[0].kernel.reaches[0]
@@ -42,9 +42,9 @@ class Reaches:
         return self._known[key]
 
     def _sloping_states(self, barrier: Barrier) -> bytes:
-        """Return which entries of ∇h differ from 0, by which barriers of one class differ."""
+        """Return as a key which entries of ∇h differ from 0: barriers of one class may differ."""
         try:
-            jet = barrier.jet(self._somewhere, 0.0)
+            jet = barrier.jet(self._sampled_state, 0.0)
             jet = checked(barrier, jet, self._model.n, finite=False)
         except InvalidInputError as error:
             raise UnreachableError(str(error)) from error

@@ -5,7 +5,7 @@ The relative degree r is the least number of times that h must be differentiated
 flat. Where it differs from 0 at some of them alone, h has no one relative degree, and is refused.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,18 +17,18 @@ from hcbf_gym.errors import UNREADABLE, InvalidInputError, UnreachableError
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 VANISHED = _core.VANISHED
-"""Below it, relative to its size at sampled states, L_g ψ counts as zero."""
+"""L_g ψ counts as zero below this multiple of its size at sampled states."""
 
-SAMPLES = 16
+_SAMPLES = 16  # states at which relative degrees are found
 
 
 class Reach(NamedTuple):
     """How inputs reach a barrier."""
 
     degree: int  # r, the derivative of h that an input enters first
-    inputs: Mask  # (n_u,) which inputs enter that derivative: those of the row
-    reads: Mask  # (n,) which states h depends on
-    size: float  # the largest |L_g ψ_{r−1}| at a state, the median over sampled states
+    inputs: Mask  # (n_u,) whether an input enters that derivative, and so the row
+    reads: Mask  # (n,) whether h depends on a state
+    size: float  # the largest entry of |L_g ψ_{r−1}|, its median over sampled states
 
 
 class ReachedBarriers(NamedTuple):
@@ -39,53 +39,53 @@ class ReachedBarriers(NamedTuple):
 
 
 def samples(model: ReducedOrderModel) -> tuple[Array, Array]:
-    """Return the sampled states (SAMPLES, n) and times (SAMPLES,)."""
+    """Return the states (S, n) and times (S,) at which relative degrees are found."""
     rng = np.random.default_rng(0)
-    return rng.normal(size=(SAMPLES, model.n)), rng.uniform(0.0, 1.0, SAMPLES)
+    return rng.normal(size=(_SAMPLES, model.n)), rng.uniform(0.0, 1.0, _SAMPLES)
 
 
 def first_reach(
-    barrier: Barrier, model: ReducedOrderModel, gradients: Array, along_inputs: Iterable[Array]
+    barrier: Barrier, model: ReducedOrderModel, gradients: Array, lie_derivatives: Iterable[Array]
 ) -> Reach:
-    """Return the first derivative that an input enters.
+    """Return how inputs reach a barrier, by the first derivative that an input enters.
 
     Args:
-        barrier: whose h it is.
+        barrier: the barrier, whose name is in messages.
         model: ẋ = f(x) + g(x)u.
-        gradients: (SAMPLES, n) ∇h.
-        along_inputs: L_g ψ (SAMPLES, n_u) of ψ = h, then of its derivatives; entries that are
-            not finite are left out.
+        gradients: (S, n) ∇h at the sampled states; an entry that is not finite counts as 0.
+        lie_derivatives: L_g ψ (S, n_u) of ψ = h, then of its first derivative, and so on.
 
     Raises:
         UnreachableError: if no input enters any of them.
         InvalidInputError: if one enters a derivative at some of the states alone.
     """
-    gradients = np.where(np.isfinite(gradients), np.abs(gradients), 0.0)
-    reads = (gradients > VANISHED * gradients.max(axis=1, keepdims=True)).any(axis=0)
+    slopes = np.where(np.isfinite(gradients), np.abs(gradients), 0.0)
+    steepest = slopes.max(axis=1)  # (S,)
+    reads = (slopes > VANISHED * steepest[:, None]).any(axis=0)
     degree = 0
-    for degree, looks in enumerate(along_inputs, 1):
-        size = np.where(np.isfinite(looks), np.abs(looks), 0.0)
-        inputs = np.asarray((size > VANISHED).any(axis=0))
-        if inputs.any():
-            largest = size.max(axis=1)
-            sloping = gradients.max(axis=1) > 0.0
-            missed = int((sloping & (largest <= VANISHED)).sum())
-            if missed:
-                raise InvalidInputError(
-                    f"{barrier.name}: an input enters derivative {degree} of h at some sampled "
-                    f"states and not at {missed} of {SAMPLES}, expected one relative degree "
-                    "everywhere: conditions of one rank in the place of a minimum of such"
-                )
-            return Reach(degree, inputs, reads, float(np.median(largest[largest > VANISHED])))
+    for degree, lie_derivative in enumerate(lie_derivatives, 1):
+        sizes = np.where(np.isfinite(lie_derivative), np.abs(lie_derivative), 0.0)
+        inputs = np.asarray((sizes > VANISHED).any(axis=0))
+        if not inputs.any():
+            continue
+        largest = sizes.max(axis=1)  # (S,)
+        is_missed = (steepest > 0.0) & (largest <= VANISHED)
+        if is_missed.any():
+            raise InvalidInputError(
+                f"{barrier.name}: an input enters derivative {degree} of h at some sampled "
+                f"states and not at {is_missed.sum()} of {_SAMPLES}, expected one relative degree "
+                "everywhere: conditions of one rank in the place of a minimum of such"
+            )
+        return Reach(degree, inputs, reads, float(np.median(largest[largest > VANISHED])))
+    remedy = " (barriers.Function finds higher ones)" if degree == 2 else ""
     raise UnreachableError(
         f"{barrier.name}: no input of {model} enters its first {degree} derivatives at any of "
-        f"{SAMPLES} sampled states, expected a relative degree up to {degree}"
-        + ("" if degree != 2 else " (barriers.Function finds higher ones)")
+        f"{_SAMPLES} sampled states, expected a relative degree up to {degree}{remedy}"
     )
 
 
 def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
-    """Return how inputs reach a barrier that gives jets: by its first or second derivative.
+    """Return how inputs reach a barrier that has a `jet`, by its first or second derivative.
 
     Raises:
         UnreachableError: if no input enters them, or the barrier returns no jet.
@@ -105,19 +105,21 @@ def _reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     states, times = samples(model)
     jets = [barrier.jet(x, float(t)) for x, t in zip(states, times, strict=True)]
 
-    def relative(gradient: Array, x: Array) -> Array:
-        """Return L_g ψ relative to ‖∇ψ‖ ‖g‖, as jets come in any unit."""
+    def relative_lie_derivative(gradient: Array, x: Array) -> Array:
+        """Return L_g ψ relative to ‖∇ψ‖ ‖g‖, because ψ may have any unit."""
         g = model.g(x)
         size = np.linalg.norm(gradient) * np.linalg.norm(g)
         return gradient @ g / size if size > 0.0 else np.zeros(model.n_u)
 
-    def second(jet: Jet, x: Array) -> Array:
-        turned = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ jet.gradient
-        return relative(turned + jet.gradient_rate, x)
+    def gradient_of_h_dot(jet: Jet, x: Array) -> Array:
+        along_drift = jet.hessian @ model.f(x) + model.f_jacobian(x).T @ jet.gradient
+        return along_drift + jet.gradient_rate
 
-    each = list(zip(jets, states, strict=True))
+    def lie_derivatives() -> Iterator[Array]:
+        pairs = list(zip(jets, states, strict=True))
+        yield np.array([relative_lie_derivative(jet.gradient, x) for jet, x in pairs])
+        yield np.array([relative_lie_derivative(gradient_of_h_dot(jet, x), x) for jet, x in pairs])
+
     gradients = np.array([jet.gradient for jet in jets])
     with np.errstate(all="ignore"):
-        first = np.array([relative(jet.gradient, x) for jet, x in each])
-        levels = (first if d == 1 else np.array([second(*one) for one in each]) for d in (1, 2))
-        return first_reach(barrier, model, gradients, levels)
+        return first_reach(barrier, model, gradients, lie_derivatives())

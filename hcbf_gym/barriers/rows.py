@@ -17,18 +17,18 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, insta
 B, H, ALPHA2_PSI, PSI = range(4)
 """The columns of every row: its bound b, h, α₂(ψ) and ψ."""
 MARGIN, RATE, QUICKENING, USABLE, REACH, FAST, DIP, CONDITIONING, PLACED, WIDTH = range(4, 14)
-"""The further columns of a row that is made for any model: its margin m with ṁ and m̈, more of
+"""The further columns of a row for any model: its margin m with ṁ and m̈, three terms of
 margins.hpp, the dip of h between samples, the conditioning of a, and 1 where the barrier reads the
 position. a (n_u,) begins at `WIDTH`."""
 
 
 def _column(column: int) -> Any:
-    """Return a property: a view (N, m) of one column."""
+    """Return a property of rows that is a view (N, m) of one column."""
     return property(lambda rows: rows.numbers[..., column])
 
 
 class PackedRows(NamedTuple):
-    """Rows of N states in the array of compiled code; their fields are views of it.
+    """Rows of N states in the array of compiled code. The properties are views of its columns.
 
     Attributes:
         numbers: (N, m, WIDTH + n_u) the columns above, then a.
@@ -138,15 +138,16 @@ class RowSettings:
 
     @property
     def held(self) -> bool:
-        """Whether rows are made for a held input."""
+        """Whether rows cover the time between two samples, while an input is held."""
         return self.period is not None
 
     @cached_property
     def packed(self) -> Array:
         """(19,) `alphas` (4 each), T, u_max, 1 for held rows, least and greatest inputs (2)."""
-        low, high, u_max = (0.0, 0.0), (0.0, 0.0), self.u_max or 0.0
+        low, high, u_max = (0.0, 0.0), (0.0, 0.0), 0.0
         if self.u_max is not None:
-            low, high = self.limits or ((-u_max,) * 2, (u_max,) * 2)
+            u_max = self.u_max
+            low, high = self.limits or ((-u_max, -u_max), (u_max, u_max))
         alphas = np.ravel([alpha.parameters() for alpha in self.alphas.values()])
         packed = np.array([*alphas, self.period or 0.0, u_max, self.held, *low, *high])
         packed.flags.writeable = False

@@ -1,7 +1,7 @@
-"""What a built-in shape is: fields with their checks, and how it is packed, drawn and moved.
+"""The base of built-in shapes: how one is packed into numbers, drawn, moved and resized.
 
-Each has a file in `shapes` and a struct in core/include/hcbf/shapes.hpp, whose functions evaluate
-its block of numbers (see `layout`) at a point of the shape's own frame.
+Each shape has a file in `shapes` and a struct in core/include/hcbf/shapes.hpp, whose functions
+evaluate the shape's block of numbers (see `layout`) at a point in the shape's frame.
 """
 
 from abc import abstractmethod
@@ -20,9 +20,9 @@ from hcbf_gym.errors import finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST, ON_EARTH
 
 PLACE = [2, 3]
-"""Columns of a block with the first place of a shape [m]."""
+"""The columns of a block that hold the first place of a shape [m]."""
 TINY = 1e-9
-"""Below this distance [m] from a region's centre its gradient is taken along +x."""
+"""A distance below which a direction is undefined [m], or a speed [m/s]."""
 
 
 class Oval(NamedTuple):
@@ -31,7 +31,7 @@ class Oval(NamedTuple):
     Attributes:
         center: (2,) [m].
         semi_axes: (2,) [m].
-        angle: of the first semi-axis from the world's x axis [rad].
+        angle: the angle of the first semi-axis from the world's x axis [rad].
     """
 
     center: Pair
@@ -39,15 +39,15 @@ class Oval(NamedTuple):
     angle: float
 
     def corners(self, count: int = 64) -> Array:
-        """Return (count, 2) points of it, counter-clockwise."""
+        """Return (count, 2) points on the outline, counter-clockwise."""
         turn = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
         cos, sin = np.cos(self.angle), np.sin(self.angle)
-        circle = np.column_stack([np.cos(turn), np.sin(turn)]) * np.array(self.semi_axes)
-        return self.center + circle @ np.array([[cos, sin], [-sin, cos]])
+        along_axes = np.column_stack([np.cos(turn), np.sin(turn)]) * np.array(self.semi_axes)
+        return self.center + along_axes @ np.array([[cos, sin], [-sin, cos]])
 
 
 class Wall(NamedTuple):
-    """The outline of a region without end.
+    """The outline of an unbounded region, a straight line.
 
     Attributes:
         normal: (2,) unit vector into the allowed side.
@@ -67,9 +67,9 @@ class Shape(PlanarBarrier):
     """A built-in region: the fields of a subclass are its numbers, by the names that JSON has.
 
     Attributes:
-        kind: its name in JSON, for `Shapes` and in the core.
-        code: by which compiled code finds its functions.
-        places: the fields that are points of it; the first is in columns `PLACE` of its block.
+        kind: the name of the shape in JSON, for `Shapes` and in the core.
+        code: the number by which compiled code finds its functions.
+        places: the names of fields that are points; columns `PLACE` of a block hold the first.
     """
 
     kind: ClassVar[str]
@@ -89,8 +89,8 @@ class Shape(PlanarBarrier):
         """Return (k, WIDTH) the blocks of k shapes at rest.
 
         Args:
-            name: what messages call them.
-            values: (k, n) the fields of each in their order, but for the velocity.
+            name: what messages call the shapes.
+            values: (k, n) the fields of each shape in order, but for the velocity.
 
         Raises:
             InvalidInputError: if a value is out of range or the array of another shape.
@@ -104,8 +104,9 @@ class Shape(PlanarBarrier):
         blocks = np.zeros((len(numbers), layout.WIDTH))
         ends = np.cumsum(list(sizes.values()))[:-1]
         for row, block in zip(numbers, blocks, strict=True):
-            parts = [p if p.size > 1 else float(p[0]) for p in np.split(row, ends)]
-            cls(name, 1, **dict(zip(sizes, parts, strict=True))).write(block)
+            by_field = zip(sizes, np.split(row, ends), strict=True)
+            arguments = {key: part if part.size > 1 else float(part[0]) for key, part in by_field}
+            cls(name, 1, **arguments).write(block)
         return blocks
 
     @classmethod
@@ -118,7 +119,7 @@ class Shape(PlanarBarrier):
 
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
-        """Move the shapes of blocks (k, WIDTH) by a step (2,), or by (k, 2) one each [m]."""
+        """Move the shapes of blocks (k, WIDTH) by a step (2,) or by k steps (k, 2) [m]."""
         blocks[:, PLACE] += step
 
     @abstractmethod
@@ -127,13 +128,13 @@ class Shape(PlanarBarrier):
 
     @property
     def anchor(self) -> Array:
-        """(2,) the point by which the region is moved at time 0: the mean of its places [m]."""
+        """(2,) the mean of the region's places at time 0 [m]."""
         return np.mean([getattr(self, name) for name in self.places], axis=0)
 
     @property
     @abstractmethod
     def size(self) -> float | None:
-        """A radius, or a length like it [m]; None for what has no end."""
+        """A radius, or a length like it [m]; None for an unbounded region."""
 
     def moved(self, step: Array) -> Self:
         """Return the same region elsewhere, a step (2,) [m] away."""
@@ -141,14 +142,13 @@ class Shape(PlanarBarrier):
 
     @abstractmethod
     def resized(self, size: float) -> Self:
-        """Return a region of the same form and another `size` [m]."""
+        """Return a similar region around the same anchor, of another `size` [m]."""
 
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
         """Return H, ∇H (2,) and ∇²H (2, 2); where ∇H has no direction, one is chosen."""
-        h, gx, gy, distance, tx, ty = _core.shape_jet(
-            self.code, self._block, float(q[0]), float(q[1])
-        )
-        tangent = np.array((tx, ty))
+        x, y = float(q[0]), float(q[1])
+        h, gx, gy, distance, tx, ty = _core.shape_jet(self.code, self._block, x, y)
+        tangent = np.array((tx, ty))  # of the level line, scaled; ∇²H is 0 across it
         return h, np.array((gx, gy)), np.outer(tangent, tangent) / distance
 
     def core(self, q: Array, reach: float) -> Core:
@@ -167,7 +167,7 @@ def set_pairs(barrier: Barrier, *names: str, largest: float = FARTHEST) -> None:
     """Replace fields by pairs of finite numbers, of magnitudes up to `largest`.
 
     Raises:
-        InvalidInputError: if one is no such pair.
+        InvalidInputError: if a field is no such pair.
     """
     for name in names:
         values = getattr(barrier, name)
@@ -178,16 +178,16 @@ def set_pairs(barrier: Barrier, *names: str, largest: float = FARTHEST) -> None:
             x, y = values
             is_plain = type(x) is float and type(y) is float
             if is_plain and -largest <= x <= largest and -largest <= y <= largest:
-                continue  # `finite_array` takes most of a constructor's time
+                continue  # `finite_array` would take most of a constructor's time
         pair = finite_array(f"{barrier.name}: {name}", values, (2,), largest=largest)
         object.__setattr__(barrier, name, tuple(pair.tolist()))
 
 
 def set_positive(barrier: Barrier, name: str) -> None:
-    """Replace a field by a positive number.
+    """Replace a field by a positive number up to `FARTHEST`.
 
     Raises:
-        InvalidInputError: if it is none.
+        InvalidInputError: if the field is no such number.
     """
     value = getattr(barrier, name)
     if type(value) is float and 0.0 < value <= FARTHEST:

@@ -1,12 +1,12 @@
-r"""Caps on the speed: everywhere, and by place, before which the robot brakes.
+r"""Caps on the speed: everywhere, or inside zones, before which the robot brakes.
 
-With d⁺ the distance to the nearest cell of a zone, 0 inside, L the limit there and β a deceleration
-that every robot here can do,
+The h of a zone is
 
 .. math:: h = (L² + 2 β d^+ - ‖v‖²) / (2 L),
 
-in m/s as a speed limit's. Its zero is the speed from which braking by β reaches L at the edge.
-`docs/rows.md` derives the row of an input that is held.
+with d⁺ the distance to its nearest cell, 0 inside, L the limit there, and β a deceleration that
+every robot here can do. Its unit is m/s, as that of a speed limit. h is 0 at the speed from which
+braking by β reaches L at the edge. `docs/rows.md` derives the row of an input that is held.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.shape import set_positive
 from hcbf_gym.errors import InvalidInputError, finite_float
-from hcbf_gym.models.constants import FARTHEST
 
 BRAKING = _core.ZONE_BRAKING
-"""β, with which a robot slows down before a zone [m/s²]."""
+"""β, the deceleration with which a robot slows down before a zone [m/s²]."""
 
 
 def least_limit(period: float, u_max: float, margin: float, turn: float = 0.0) -> float:
-    """Return the lowest limit of a zone that a held input can satisfy after its margin [m/s].
+    """Return the lowest limit of a zone [m/s] that held inputs can satisfy with a margin.
 
     It solves ``L² − 2 m L = (β² (1 + ΩT/2)² + β u (1 + ΩT) + u²) T²``; see `docs/rows.md`.
 
@@ -34,29 +34,20 @@ def least_limit(period: float, u_max: float, margin: float, turn: float = 0.0) -
         period: T [s].
         u_max: u, the greatest change of the speed [m/s²].
         margin: m [m/s].
-        turn: Ω, by how much the velocity turns besides, that of a differential drive [rad/s].
+        turn: Ω, the greatest turning rate of a differential drive [rad/s]; 0 for all others.
     """
-    turned = turn * period
-    squared = (BRAKING * (1.0 + 0.5 * turned)) ** 2 + BRAKING * u_max * (1.0 + turned) + u_max**2
+    angle = turn * period
+    squared = (BRAKING * (1.0 + 0.5 * angle)) ** 2 + BRAKING * u_max * (1.0 + angle) + u_max**2
     return float(margin + np.hypot(margin, period * np.sqrt(squared)))
 
 
 def leaves_speed(v_max: float, margin: float) -> bool:
-    """Return whether a cap [m/s] leaves a speed after its margin: at rest h = v_max/2."""
+    """Return whether a cap leaves a speed after its margin [m/s]; at rest its h is v_max/2."""
     return v_max > 2.0 * margin
 
 
 def check_leaves_speed(what: str, v_max: float, margin: float) -> None:
-    """Refuse a cap that leaves no speed, see `leaves_speed`.
-
-    Args:
-        what: what the message calls it.
-        v_max: the cap [m/s].
-        margin: what its row reserves of h [m/s].
-
-    Raises:
-        InvalidInputError: if it leaves none.
-    """
+    """Raise an InvalidInputError if a cap, which it calls `what`, leaves no speed."""
     if not leaves_speed(v_max, margin):
         raise InvalidInputError(
             f"{what}: got {v_max:g} m/s, expected above {2.0 * margin:g} m/s: the row of the speed "
@@ -73,8 +64,8 @@ class SpeedLimit(Barrier):
     Args:
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
-        v_max: [m/s], positive.
-        margin: what the row reserves of h [m/s]: a body's speed oscillates around its model's.
+        v_max: the cap [m/s], positive.
+        margin: what the row reserves of h [m/s], as a body's speed oscillates around its model's.
 
     Raises:
         InvalidInputError: if v_max is not positive or the margin is not in [0, v_max).
@@ -87,13 +78,11 @@ class SpeedLimit(Barrier):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        v_max = finite_float(
-            f"{self.name}: v_max", self.v_max, minimum=0.0, maximum=FARTHEST, exclusive=True
-        )
+        set_positive(self, "v_max")
         margin = finite_float(f"{self.name}: margin", self.margin, minimum=0.0)
-        if margin >= v_max:
-            raise InvalidInputError(f"{self.name}: margin: got {margin}, expected below {v_max}")
-        object.__setattr__(self, "v_max", v_max)
+        if margin >= self.v_max:
+            text = f"{self.name}: margin: got {margin}, expected below {self.v_max}"
+            raise InvalidInputError(text)
         object.__setattr__(self, "margin", margin)
 
     def write(self, c: Array) -> int:

@@ -1,4 +1,4 @@
-"""Margins of rows of any barrier and model at uncertain states, by `model_margins.hpp`."""
+"""Margins of rows of any barrier and model at uncertain states; see model_margins.hpp."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -38,11 +38,11 @@ class Slopes(NamedTuple):
     """Derivatives of m barriers at N uncertain states."""
 
     gradient: Array  # (N, m, n) ∇h
-    loss: Array  # (N, m) by how much h may fall in second order, within the uncertainty [unit of h]
+    loss: Array  # (N, m) the second-order loss of h within the uncertainty [unit of h]
 
 
 class Reserve:
-    """Derives the margins of the rows of N plants of one model.
+    """Writes the margins of the rows of N plants of one model.
 
     A distance d lowers h by ``d ‖∇h‖``. Its `fixed` part is in the unit of h already and must not
     be scaled by the slope, so that it is taken out of d here and added to each margin in `write`.
@@ -65,7 +65,7 @@ class Reserve:
     ) -> None:
         self.fixed = fixed
         self.settings = uncertainty._replace(distance=max(0.0, uncertainty.distance - fixed))
-        self.is_steep = self.settings.distance + self.settings.body > 0.0
+        self.is_steep = self.settings.distance + self.settings.body > 0.0  # ‖∇h‖ scales a margin
         self._model, self._input_set, self._period = model, input_set, period or 0.0
 
     def write(
@@ -80,7 +80,7 @@ class Reserve:
 
         Args:
             scenes: m barriers of each of N plants.
-            entries: the barriers for whose ∇h a margin is reserved.
+            entries: the barriers that Python evaluates.
             states: the plants' states.
             growth: (N,) how much the velocity's variance grows in a period [m²/s²].
             out: (N, m, WIDTH + n_u) the rows.
@@ -111,7 +111,7 @@ def largest_inputs(input_set: InputSet) -> Array:
 def slopes_of(
     entries: Sequence[Entry], states: UncertainStates, reserved: Uncertainty, m: int
 ) -> Slopes:
-    r"""Return ∇h, and how much h may fall beyond it, of the barriers that Python evaluates.
+    r"""Return ∇h and the second-order loss of the barriers that Python evaluates.
 
     H is the Hessian of h, P = V Λ Vᵀ the covariance, κ what is reserved for a standard deviation
     of 1, and S = κ V Λ^½. The deviations that are reserved are S z, ‖z‖ ≤ 1. For them h falls in
@@ -119,8 +119,8 @@ def slopes_of(
     ``½ max(0, −eᵀ H e)`` more. ∇h is NaN where Python cannot read a barrier.
 
     Args:
-        entries: these barriers.
-        states: of the N plants.
+        entries: these barriers, with their scenes and places.
+        states: the states of the N plants.
         reserved: what the plant declares, and how a deviation becomes a margin.
         m: the number of rows of a scene.
     """
@@ -129,10 +129,10 @@ def slopes_of(
     if not entries:
         return Slopes(gradient, loss)
     error = x - (states.model + states.lag)
-    values, vectors = np.linalg.eigh(states.covariance)
-    scaled = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    scale = _core.margin_of_deviation(np.array(reserved), 1.0)
-    root = scale * np.swapaxes(scaled, 1, 2)  # Sᵀ (N, n, n)
+    variances, axes = np.linalg.eigh(states.covariance)
+    scaled_axes = axes * np.sqrt(np.maximum(variances, 0.0))[:, None, :]  # V Λ^½
+    scale = _core.margin_of_deviation(np.array(reserved), 1.0)  # κ
+    root = scale * np.swapaxes(scaled_axes, 1, 2)  # Sᵀ (N, n, n)
     for barrier, k, plants in _by_barrier(entries):
         try:
             gradient[plants, k], hessian = _derivatives(barrier, x[plants], time[plants])
@@ -143,16 +143,16 @@ def slopes_of(
 
 
 def _by_barrier(entries: Sequence[Entry]) -> Iterator[tuple[Barrier, int, list[int]]]:
-    """Yield each barrier with the index of its row and the plants that share it."""
-    shared: dict[tuple[int, int], list[Entry]] = {}
+    """Yield each barrier with the place of its row and the scenes that share it."""
+    sharing: dict[tuple[int, int], list[Entry]] = {}
     for entry in entries:
-        shared.setdefault((entry.place, id(entry.barrier)), []).append(entry)
-    for (place, _), sharing in shared.items():
-        yield sharing[0].barrier, place, [entry.scene for entry in sharing]
+        sharing.setdefault((entry.place, id(entry.barrier)), []).append(entry)
+    for (place, _), shared_entries in sharing.items():
+        yield shared_entries[0].barrier, place, [entry.scene for entry in shared_entries]
 
 
 def _derivatives(barrier: Barrier, x: Array, time: Array) -> tuple[Array, Array]:
-    """Return ∇h (k, n) and H (k, n, n) at states (k, n) and times (k,)."""
+    """Return ∇h (k, n) and H (k, n, n) at states x (k, n) and times (k,)."""
     if len(x) == 1:  # a single plant needs no method for batches
         jet = barrier.jet(x[0], float(time[0]))
         return jet.gradient, np.asarray(jet.hessian)[None]
@@ -161,7 +161,7 @@ def _derivatives(barrier: Barrier, x: Array, time: Array) -> tuple[Array, Array]
 
 
 def _second_order_loss(hessian: Array, root: Array, error: Array) -> Array:
-    """Return (k,) the loss that `slopes_of` defines, of H, Sᵀ (k, n, n) and e (k, n)."""
+    """Return (k,) the loss that `slopes_of` defines, from H and Sᵀ (k, n, n), and e (k, n)."""
     spread = root @ hessian @ np.swapaxes(root, 1, 2)
     by_spread = np.linalg.eigvalsh(spread)[:, 0]
     by_error = (error[:, None] @ hessian @ error[..., None])[:, 0, 0]

@@ -132,7 +132,7 @@ class FilterConfig:
         near_edge = 0.5 * u_max * period**2
         if axle is not None:
             settings = self._axle_settings(self.row_settings.held)
-            near_edge += axle_rows.at_a_glance(settings, axle.jerk(period))
+            near_edge += axle_rows.wall_clearance(settings, axle.jerk(period))
         return reserved + near_edge - 0.5 * self.cell
 
     def _check_axle(self) -> None:
@@ -183,7 +183,7 @@ class FilterConfig:
     def _axle_numbers(self, axle: Axle, held: bool) -> dict[str, Any]:
         """Return the constants of a differential drive; warn if rows keep it far off walls."""
         period, settings = self.plant.period or 0.0, self._axle_settings(held)
-        clearance = axle_rows.at_a_glance(settings, axle.jerk(period))
+        clearance = axle_rows.wall_clearance(settings, axle.jerk(period))
         if clearance > FAR_OFF:
             warn_caller(
                 f"safety filter: at a period of {period:g} s a cart that turns at "

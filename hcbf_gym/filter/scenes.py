@@ -7,13 +7,13 @@ import numpy as np
 
 from hcbf_gym._core import Reason
 from hcbf_gym.arrays import Array, Integers, Mask
-from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.late_inputs import REMEDY, LateInputs
 from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.relative_degree import ReachedBarriers
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.barriers.shortcomings import shortcomings
 from hcbf_gym.errors import (
     UNREADABLE,
     CoverageWarning,
@@ -136,7 +136,7 @@ class Scenes:
         margin, fastest = plant.uncertainty.speed, plant.fastest or np.inf
         self.check_limits(scenes)
         covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        for one in braking.shortcomings(scenes, config.alpha1, config.input_set, margin, fastest):
+        for one in shortcomings(scenes, config.alpha1, config.input_set, margin, fastest):
             if not one.promised:
                 covered[one.scenes] = Coverage.OUTSIDE
             self._warn_once(one.what, one.text, CoverageWarning)

@@ -88,7 +88,7 @@ def fitted(cart, period, alpha1):
 @pytest.mark.parametrize("cart", CARTS)
 def test_one_braking_input_meets_the_rows_of_all_walls_at_once(cart, period, alpha1):
     settings = fitted(cart, period, alpha1)
-    reserved = axle_rows.at_a_glance(settings, cart.jerk(period))
+    reserved = axle_rows.wall_clearance(settings, cart.jerk(period))
     steep = settings.alpha1.derivative(0.0)
     rng, bound = np.random.default_rng(3), 0
     for _ in range(2000):

@@ -19,6 +19,7 @@ from hcbf_gym.barriers import (
 )
 from hcbf_gym.barriers.braking import check_limits
 from hcbf_gym.barriers.planar_rows import planar_rows
+from hcbf_gym.barriers.shortcomings import shortcomings
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Ball, Box
 
@@ -109,7 +110,7 @@ def test_straight_braking_stops_before_a_wedge_where_the_scene_is_not_warned_of(
 def found(barriers, alpha1=None, limit=5.0, margin=0.0):
     alpha1 = LogClassK() if alpha1 is None else alpha1
     scenes = BarrierSet([barriers])
-    return [s.what for s in braking.shortcomings(scenes, alpha1, Box.symmetric(limit), margin)]
+    return [s.what for s in shortcomings(scenes, alpha1, Box.symmetric(limit), margin)]
 
 
 def test_what_a_scene_requests_beyond_u_and_its_speed_limit_is_found():

@@ -39,14 +39,16 @@ def test_a_new_closure_in_each_of_200_steps_compiles_at_most_nine_times_and_warn
             new = Function("seen", 1, lambda x, t, p=p: clear(x, t, p))
             began = time.perf_counter()
             rows = make([new], x)
-            slowest = max(slowest, (time.perf_counter() - began) * (k > function_cache.MOST + 2))
+            slowest = max(
+                slowest, (time.perf_counter() - began) * (k > function_cache.MAX_TUPLES + 2)
+            )
             a, b = expected(x, p)
             np.testing.assert_allclose(rows.a[0], a, atol=1e-12)
             np.testing.assert_allclose(rows.b[0], b, atol=1e-12)
             if k in (60, 199):
                 gc.collect()
                 objects.append(len(gc.get_objects()))
-    assert len(make.functions.together) + len(make.functions.alone) <= 9
+    assert len(make.functions.by_tuple) + len(make.functions.by_function) <= 9
     assert len(warned) == 1
     assert "parameters=p" in str(warned[0].message)
     assert objects[1] - objects[0] < 2000
@@ -61,12 +63,12 @@ def test_with_parameters_it_compiles_once_and_every_value_counts():
         a, b = expected(x, p)
         np.testing.assert_allclose(rows.a[0], a, atol=1e-12)
         np.testing.assert_allclose(rows.b[0], b, atol=1e-12)
-    assert len(make.functions.together) == 1
-    assert not make.functions.alone
+    assert len(make.functions.by_tuple) == 1
+    assert not make.functions.by_function
 
 
 def test_a_number_of_functions_that_changes_compiles_each_one_once(monkeypatch):
-    monkeypatch.setattr(function_cache, "MOST", 2)
+    monkeypatch.setattr(function_cache, "MAX_TUPLES", 2)
     make, rng = rows_of(), np.random.default_rng(0)
     for count in (1, 2, 3, 4, 6, 2, 5):
         p = rng.normal(4.0, 0.5, (count, 3))
@@ -75,8 +77,8 @@ def test_a_number_of_functions_that_changes_compiles_each_one_once(monkeypatch):
         np.testing.assert_array_equal(rows.priority, [1 + (k > 1) for k in range(count)])
         for k in range(count):
             np.testing.assert_allclose(rows.b[k], expected(np.zeros(2), p[k])[1], atol=1e-12)
-    assert len(make.functions.together) == 2
-    assert len(make.functions.alone) == 1
+    assert len(make.functions.by_tuple) == 2
+    assert len(make.functions.by_function) == 1
 
 
 def test_parameters_are_part_of_a_function():

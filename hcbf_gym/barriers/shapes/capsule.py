@@ -1,4 +1,4 @@
-"""A capsule: all that lies within a radius of a segment."""
+"""A capsule: all points within a radius of a segment."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -16,7 +16,7 @@ from hcbf_gym.models.constants import ON_EARTH
 class Capsule(Shape):
     """The outside of a capsule, ``h = min_{s ∈ [0, 1]} ‖p − (1 − s) a − s b‖ − r``.
 
-    h is the distance to it, continuously differentiable but on the segment.
+    h is the distance to the capsule, and continuously differentiable except on the segment.
 
     Args:
         name: what tables and figures call it.
@@ -24,7 +24,7 @@ class Capsule(Shape):
         start: (2,) a, where the segment starts when the object is first returned or set [m].
         end: (2,) b, where it ends, another point [m].
         radius: r [m], positive.
-        velocity: (2,) of the capsule [m/s].
+        velocity: (2,) the velocity of the capsule [m/s].
 
     Raises:
         InvalidInputError: if both ends are one point, the radius is not positive or a number is not
@@ -51,17 +51,19 @@ class Capsule(Shape):
 
     @property
     def _vector(self) -> Array:
+        """(2,) from the start to the end [m]."""
         return np.subtract(self.end, self.start)
 
     def write(self, c: Array) -> int:
-        """Write the block c (WIDTH,)."""
+        """Write the block c (WIDTH,) and return the code."""
         return _core.capsule_write(c, self.velocity, self.start, self.end, self.radius)
 
     def outline(self) -> Array:
         """Return (34, 2) corners, the half circle around the end first."""
-        turn = np.arctan2(self._vector[1], self._vector[0]) + np.linspace(-0.5, 0.5, 17) * np.pi
-        half = self.radius * np.column_stack([np.cos(turn), np.sin(turn)])
-        return np.concatenate([self.end + half, self.start - half])
+        heading = np.arctan2(self._vector[1], self._vector[0])
+        angles = heading + np.linspace(-0.5, 0.5, 17) * np.pi
+        half_circle = self.radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        return np.concatenate([self.end + half_circle, self.start - half_circle])
 
     @property
     def size(self) -> float:
@@ -69,7 +71,7 @@ class Capsule(Shape):
         return self.radius
 
     def resized(self, size: float) -> Self:
-        """Return a capsule of another radius, and the same ratio of length to radius."""
+        """Return a capsule with another radius and the same ratio of length to radius."""
         half = 0.5 * size / self.radius * self._vector
         start = (self.anchor - half).tolist()
         end = (self.anchor + half).tolist()

@@ -12,11 +12,12 @@ from hcbf_gym.barriers.shape import Shape, set_pairs, shifted
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
-COUNT, FIRST = 2, 3  # x and y of each corner from FIRST on [m]
+COUNT, FIRST = 2, 3
+"""The columns of a block with the number of corners, and with x of the first; x and y alternate."""
 MAX_VERTICES = (layout.WIDTH - FIRST) // 2
-"""Most corners of a polygon."""
+"""The largest number of corners of a polygon."""
 USED = layout.WIDTH - 1
-"""Of fewer corners than that: what of its margin errors of measurement may use [m]."""
+"""The column, if there is room, with the part of a margin that errors may consume [m]."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class ConvexPolygon(Shape):
         name: what tables and figures call it.
         priority: 1 is the highest and strict.
         vertices: (k, 2) corners [m], counter-clockwise, 3 ≤ k ≤ 8, strictly convex.
-        velocity: (2,) of the polygon [m/s].
+        velocity: (2,) the velocity of the polygon [m/s].
 
     Raises:
         InvalidInputError: if the corners are too few, too many, clockwise or not strictly convex.
@@ -45,20 +46,20 @@ class ConvexPolygon(Shape):
         set_pairs(self, "velocity")
         name = f"{self.name}: vertices"
         corners = finite_array(name, self.vertices, (None, 2), largest=ON_EARTH)
-        _check(name, corners[None])
-        object.__setattr__(self, "vertices", tuple(tuple(c) for c in corners.tolist()))
+        _check_convex(name, corners[None])
+        object.__setattr__(self, "vertices", tuple(map(tuple, corners.tolist())))
 
     def write(self, c: Array) -> int:
-        """Write the block c (WIDTH,)."""
+        """Write the block c (WIDTH,) and return the code."""
         return _core.convex_polygon_write(c, self.velocity, np.array(self.vertices))
 
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
-        """Return the blocks of polygons (k, v, 2): v corners [m], counter-clockwise."""
+        """Return the blocks of k polygons (k, v, 2): v corners [m], counter-clockwise."""
         corners = finite_array(name, values, (None, None, 2), largest=ON_EARTH)
+        _check_convex(name, corners)
         blocks = np.zeros((len(corners), layout.WIDTH))
         count = corners.shape[1]
-        _check(name, corners)
         blocks[:, COUNT] = count
         blocks[:, FIRST : FIRST + 2 * count] = corners.reshape(len(corners), 2 * count)
         return blocks
@@ -66,8 +67,8 @@ class ConvexPolygon(Shape):
     @classmethod
     def shift(cls, blocks: Array, step: Array) -> None:
         """Move the polygons of blocks (k, WIDTH) by a step (2,) or steps (k, 2) [m]."""
-        corners = np.arange(MAX_VERTICES) < blocks[:, COUNT, None]
-        steps = np.broadcast_to(step, (len(blocks), 2))[:, None] * corners[..., None]
+        is_corner = np.arange(MAX_VERTICES) < blocks[:, COUNT, None]
+        steps = np.broadcast_to(step, (len(blocks), 2))[:, None] * is_corner[..., None]
         blocks[:, FIRST : FIRST + 2 * MAX_VERTICES] += steps.reshape(len(blocks), 2 * MAX_VERTICES)
 
     def outline(self) -> Array:
@@ -89,12 +90,12 @@ class ConvexPolygon(Shape):
         return replace(self, vertices=tuple(shifted(corner, step) for corner in self.vertices))
 
     def resized(self, size: float) -> Self:
-        """Return a polygon of the same angles."""
+        """Return a similar polygon around the same anchor."""
         corners = self.anchor + size / self.size * (np.array(self.vertices) - self.anchor)
         return replace(self, vertices=tuple(map(tuple, corners.tolist())))
 
 
-def _check(name: str, corners: Array) -> None:
+def _check_convex(name: str, corners: Array) -> None:
     """Refuse corners (k, v, 2) that are not those of k strictly convex polygons."""
     if not 3 <= corners.shape[1] <= MAX_VERTICES:
         raise InvalidInputError(
@@ -102,11 +103,12 @@ def _check(name: str, corners: Array) -> None:
         )
     edges = np.roll(corners, -1, axis=1) - corners
     following = np.roll(edges, -1, axis=1)
-    turns = edges[..., 0] * following[..., 1] - edges[..., 1] * following[..., 0]
-    winding = np.arctan2(turns, np.sum(edges * following, axis=2)).sum(axis=1)
-    wrong = (turns <= 0.0).any(axis=1) | (winding > 2.5 * np.pi)
-    if wrong.any():
+    cross = edges[..., 0] * following[..., 1] - edges[..., 1] * following[..., 0]
+    turned = np.arctan2(cross, np.sum(edges * following, axis=2)).sum(axis=1)
+    winds_twice = turned > 2.5 * np.pi  # as a star does; a convex polygon turns by 2π
+    is_wrong = (cross <= 0.0).any(axis=1) | winds_twice
+    if is_wrong.any():
         raise InvalidInputError(
-            f"{name}: got {corners[wrong][0].tolist()}, "
+            f"{name}: got {corners[is_wrong][0].tolist()}, "
             "expected the corners of a strictly convex polygon, counter-clockwise"
         )

@@ -13,7 +13,7 @@ from hcbf_gym.barriers.shape import PLACE, Oval, Shape, set_pairs, set_positive
 from hcbf_gym.errors import InvalidInputError, finite_array
 from hcbf_gym.models.constants import ON_EARTH
 
-RADIUS = 4  # behind the centre [m]
+_RADIUS = 4  # the column of a block with the radius [m], behind the centre
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Disc(Shape):
         priority: 1 is the highest and strict.
         center: (2,) c when the object is first returned or set [m].
         radius: r [m], positive.
-        velocity: (2,) of the centre [m/s].
+        velocity: (2,) the velocity of the disc [m/s].
 
     Raises:
         InvalidInputError: if the radius is not positive or a number is not finite.
@@ -45,26 +45,26 @@ class Disc(Shape):
         set_positive(self, "radius")
 
     def write(self, c: Array) -> int:
-        """Write the block c (WIDTH,)."""
+        """Write the block c (WIDTH,) and return the code."""
         return _core.disc_write(c, self.velocity, self.center, self.radius)
 
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
-        """Return the blocks of discs (k, 3): centre and radius [m]."""
+        """Return the blocks of k discs (k, 3): centre and radius [m]."""
         discs = finite_array(name, values, (None, 3), largest=ON_EARTH)
         if (discs[:, 2] <= 0.0).any():
             raise InvalidInputError(f"{name}: got radius {discs[:, 2].min()}, expected > 0")
         blocks = np.zeros((len(discs), layout.WIDTH))
-        blocks[:, [*PLACE, RADIUS]] = discs
+        blocks[:, [*PLACE, _RADIUS]] = discs
         return blocks
 
     @classmethod
     def blocks_of(cls, shapes: Sequence[Any]) -> Array:
-        """Return (k, WIDTH) the blocks of k discs."""
+        """Return (k, WIDTH) the blocks of k discs, without a call of the core for each."""
         blocks = np.zeros((len(shapes), layout.WIDTH))
-        numbers = [(*one.velocity, *one.center, one.radius) for one in shapes]
-        columns = [layout.VELOCITY_X, layout.VELOCITY_Y, *PLACE, RADIUS]
-        blocks[:, columns] = np.reshape(numbers, (-1, 5))
+        numbers = [(*disc.velocity, *disc.center, disc.radius) for disc in shapes]
+        columns = [layout.VELOCITY_X, layout.VELOCITY_Y, *PLACE, _RADIUS]
+        blocks[:, columns] = np.reshape(numbers, (-1, len(columns)))
         return blocks
 
     def outline(self) -> Oval:
@@ -77,5 +77,5 @@ class Disc(Shape):
         return self.radius
 
     def resized(self, size: float) -> Self:
-        """Return a disc of another radius."""
+        """Return a disc around the same centre with another radius."""
         return replace(self, radius=size)

@@ -19,8 +19,8 @@ class Ellipse(Shape):
         priority: 1 is the highest and strict.
         center: (2,) c when the object is first returned or set [m].
         semi_axes: (2,) a and b [m], positive.
-        angle: of the first semi-axis from the world's x axis [rad].
-        velocity: (2,) of the centre [m/s].
+        angle: the angle of the first semi-axis from the world's x axis [rad].
+        velocity: (2,) the velocity of the ellipse [m/s].
 
     Raises:
         InvalidInputError: if a semi-axis is not positive or a number is not finite.
@@ -41,7 +41,7 @@ class Ellipse(Shape):
         object.__setattr__(self, "angle", finite_float(f"{self.name}: angle", self.angle))
 
     def write(self, c: Array) -> int:
-        """Write the block c (WIDTH,)."""
+        """Write the block c (WIDTH,) and return the code."""
         return _core.ellipse_write(c, self.velocity, self.center, self.semi_axes, self.angle)
 
     def outline(self) -> Oval:
@@ -54,7 +54,7 @@ class Ellipse(Shape):
         return max(self.semi_axes)
 
     def resized(self, size: float) -> Self:
-        """Return an ellipse of another larger semi-axis, and the same ratio of both."""
-        first, second = self.semi_axes
+        """Return an ellipse with another larger semi-axis and the same ratio of both."""
+        a, b = self.semi_axes
         factor = size / self.size
-        return replace(self, semi_axes=(factor * first, factor * second))
+        return replace(self, semi_axes=(factor * a, factor * b))

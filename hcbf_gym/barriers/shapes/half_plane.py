@@ -12,7 +12,7 @@ from hcbf_gym.barriers.shape import Shape, Wall
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import ON_EARTH
 
-NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4
+NORMAL_X, NORMAL_Y, OFFSET = 2, 3, 4  # columns of a block
 
 
 @dataclass(frozen=True)
@@ -38,20 +38,21 @@ class HalfPlane(Shape):
         normal = finite_array(f"{self.name}: normal", self.normal, (2,))
         label = f"{self.name}: offset"
         offset = finite_float(label, self.offset, minimum=-ON_EARTH, maximum=ON_EARTH)
-        *unit, offset = _unit(f"{self.name}: normal", np.array([*normal, offset])).tolist()
-        object.__setattr__(self, "normal", tuple(unit))
+        wall = _with_unit_normal(f"{self.name}: normal", np.array([*normal, offset]))
+        *unit_normal, offset = wall.tolist()
+        object.__setattr__(self, "normal", tuple(unit_normal))
         object.__setattr__(self, "offset", offset)
 
     def write(self, c: Array) -> int:
-        """Write the block c (WIDTH,)."""
+        """Write the block c (WIDTH,) and return the code."""
         return _core.half_plane_write(c, self.normal, self.offset)
 
     @classmethod
     def pack(cls, name: str, values: Array) -> Array:
-        """Return the blocks of walls (k, 3): unit normal and offset [m]."""
+        """Return the blocks of k walls (k, 3): unit normal and offset [m]."""
         walls = finite_array(name, values, (None, 3), largest=ON_EARTH)
         blocks = np.zeros((len(walls), layout.WIDTH))
-        blocks[:, [NORMAL_X, NORMAL_Y, OFFSET]] = _unit(name, walls)
+        blocks[:, [NORMAL_X, NORMAL_Y, OFFSET]] = _with_unit_normal(name, walls)
         return blocks
 
     @classmethod
@@ -70,7 +71,7 @@ class HalfPlane(Shape):
 
     @property
     def size(self) -> None:
-        """None: a wall has no end."""
+        """None, because a wall is unbounded."""
         return
 
     def moved(self, step: Array) -> Self:
@@ -78,7 +79,7 @@ class HalfPlane(Shape):
         return replace(self, offset=self.offset + float(step @ np.array(self.normal)))
 
     def resized(self, size: float) -> Self:
-        """Refuse: a wall has no size.
+        """Raise an error, because a wall has no size.
 
         Raises:
             InvalidInputError: always.
@@ -86,15 +87,16 @@ class HalfPlane(Shape):
         raise InvalidInputError(f"{self.name}: got a wall, expected a region that has a size")
 
 
-def _unit(name: str, walls: Array) -> Array:
-    """Return unit normals and offsets (…, 3), to the last digit.
+def _with_unit_normal(name: str, walls: Array) -> Array:
+    """Return walls (…, 3), normal and offset [m], divided by the lengths of their normals.
 
-    A normal of a few digits is not quite a unit vector, and far from the origin, as in survey
-    coordinates, the wall of the offset as it is given is metres away.
+    A normal that was rounded to a few digits is not quite a unit vector. Far from the origin, as in
+    survey coordinates, the given offset would then put the wall metres away.
     """
-    with np.errstate(over="ignore"):  # of an infinite length: refused like any other
+    with np.errstate(over="ignore"):  # an infinite length is refused like any other
         lengths = np.linalg.norm(walls[..., :2], axis=-1, keepdims=True)
-    if (np.abs(lengths - 1.0) > 1e-6).any():
-        worst = float(lengths.flat[np.argmax(np.abs(lengths - 1.0))])
+    errors = np.abs(lengths - 1.0)
+    if (errors > 1e-6).any():
+        worst = float(lengths.flat[np.argmax(errors)])
         raise InvalidInputError(f"{name}: got a normal of length {worst}, expected 1")
-    return np.where(np.abs(lengths - 1.0) > 1e-12, walls / lengths, walls)
+    return np.where(errors > 1e-12, walls / lengths, walls)
