@@ -142,7 +142,8 @@ def draw_map(axes: Axes, floor: Floor, covered: bool = False) -> None:
     """
     # zones first, and so below the regions; of both rank 1 last
     for region in sorted(floor.classes, key=lambda region: (region.limit is None, -region.rank)):
-        style = region_style(region.rank) | {"lw": 0.6 if covered else 0.0}
+        style = region_style(region.rank)
+        style["lw"] = 0.6 if covered else 0.0
         if region.limit is not None:
             style |= {"facecolor": "none", "hatch": "..."}
         outlines = floor.outlines(region, covered)
