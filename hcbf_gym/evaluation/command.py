@@ -43,13 +43,7 @@ from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_seri
 from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
-from hcbf_gym.evaluation.rollouts import (
-    SHOWN_OPTIONS,
-    UNFILTERED,
-    Case,
-    aggregate,
-    evaluate,
-)
+from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggregate, evaluate
 from hcbf_gym.evaluation.sentences import sentences
 from hcbf_gym.evaluation.statistics import INTERVAL
 from hcbf_gym.evaluation.top_film import film
