@@ -28,15 +28,15 @@ def train(
     tensorboard: bool = False,
     show: Show = lambda steps, curve: None,
 ) -> LearnedPolicy:
-    """Train a policy and return the best one of the run.
+    """Train a policy, and return the best one of the run.
 
-    Leaves `policy.npz`, `training.json` (configuration, versions, learning curve) and `checkpoint/`
-    (model, normalisation, environments, generators) in the folder.
+    The folder then has `policy.npz`, `training.json` (configuration, versions, learning curve) and
+    `checkpoint/` (model, normalisation, environments, generators).
 
     Args:
-        config: of the run.
-        folder: of the run.
-        resume: go on from the folder's checkpoint, if there is one.
+        config: the configuration of the run.
+        folder: the folder of the run.
+        resume: continue from the folder's checkpoint, if there is one.
         tensorboard: log to the subfolder `tensorboard`.
         show: called with the decisions so far and the curve, for a progress bar.
 
@@ -45,12 +45,12 @@ def train(
     """
     torch.set_num_threads(1)  # the network is small: threads cost more than they bring
     log = str(folder / "tensorboard") if tensorboard else None
-    found = checkpoint.find(folder) if resume else None
-    if found is None:
+    saved = checkpoint.find(folder) if resume else None
+    if saved is None:
         curve: list[dict[str, float]] = []
         model = make_model(config, make_env(config), log)
     else:
-        model, curve = checkpoint.resume(found, config, log)
+        model, curve = checkpoint.resume(saved, config, log)
     make_folder(folder)
     about = asdict(config) | {"versions": {name: _version(name) for name in _PACKAGES}}
     callbacks: list[BaseCallback] = []
@@ -61,14 +61,14 @@ def train(
     reports = Reports(config, folder, curve, about, show)
     remaining = config.total_steps - model.num_timesteps
     if remaining > 0:
-        model.learn(
-            remaining, CallbackList([*callbacks, reports]), reset_num_timesteps=found is None
-        )
+        all_callbacks = CallbackList([*callbacks, reports])
+        model.learn(remaining, all_callbacks, reset_num_timesteps=saved is None)
     write_json(folder / "training.json", about | {"curve": curve})
     return read(folder / "policy.npz")
 
 
 def _version(package: str) -> str:
+    """Return the version of an installed package; "source tree" if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
