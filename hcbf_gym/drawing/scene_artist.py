@@ -194,15 +194,10 @@ def _add(
     color: Color,
     rotation: Array = _IDENTITY,
 ) -> mujoco.MjvGeom | None:
-    """Append a geom to a scene and return it, None if the scene is full.
+    """Append a geom of a kind such as "BOX" to a scene and return it; None if the scene is full.
 
-    Args:
-        scene: the scene.
-        kind: the end of a name in `mujoco.mjtGeom`, such as "BOX".
-        size: its half extents [m]; of a cylinder the two semi-axes and the half height.
-        position: (3,) of its centre [m].
-        color: (r, g, b, opacity), each in [0, 1].
-        rotation: (3, 3) from its frame to the world's.
+    `size` has its half extents [m], those of a cylinder are its semi-axes and half height;
+    `position` (3,) is its centre [m].
     """
     if scene.ngeom >= scene.maxgeom:
         return None

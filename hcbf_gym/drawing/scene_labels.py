@@ -50,7 +50,7 @@ def name_regions(axes: Axes, barriers: Sequence[Barrier], path: Array) -> bool:
         path: (k, 2) positions that names should not cover [m].
 
     Returns:
-        Whether names were written: not where there are more than `_MAX_NAMED_REGIONS` shapes.
+        Whether the scene has no more than `_MAX_NAMED_REGIONS` shapes, so that it has names.
     """
     shapes = [barrier for barrier in in_drawing_order(barriers) if isinstance(barrier, Shape)]
     if not 0 < len(shapes) <= _MAX_NAMED_REGIONS:
@@ -64,10 +64,8 @@ def name_regions(axes: Axes, barriers: Sequence[Barrier], path: Array) -> bool:
         visible = inside & ~hidden
         if visible.any():
             x, y = _place_of_name(visible, positions, spacing).tolist()
-            is_moving = shape.frame_velocity.any()
-            axes.annotate(
-                f"{shape.name},\nt = 0" if is_moving else shape.name, (x, y), **TEXT_STYLE
-            )
+            text = f"{shape.name},\nt = 0" if shape.frame_velocity.any() else shape.name
+            axes.annotate(text, (x, y), **TEXT_STYLE)
         hidden |= inside
     return True
 

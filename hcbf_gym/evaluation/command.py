@@ -164,9 +164,8 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     summary_of: dict[tuple[str, str, int], dict[str, Any]] = {}
     first_of: dict[tuple[str, str], Episode] = {}
     for case, seed, episode in evaluate(cases, seeds, runs, "episodes", files):
-        summary_of[case.policy, case.program, seed] = (
-            case.label() | {"seed": seed} | episode.summary()
-        )
+        summary = case.label() | {"seed": seed} | episode.summary()
+        summary_of[case.policy, case.program, seed] = summary
         if seed == args.seed:
             first_of[case.policy, case.program] = episode
     # episodes come as they finish; the results have the order of the cases

@@ -15,14 +15,15 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-HELD = (0.25, 0.5, 0.75, 1.0)
-"""The times for which u* is held, after which the state is checked [s]."""
-CHANGED = 1e-3
-"""‖u − u*‖ above which the filter has changed an input, as a share of the greatest ‖u‖ in U."""
-USUAL_STEPS = 10.0
-"""A jump is longer than this number of usual steps."""
-SHARE_OF_RANGE = 0.2
-"""A jump is longer than this share of the range of h in the episode."""
+HELD = (
+    0.25,
+    0.5,
+    0.75,
+    1.0,
+)  # the times for which u* is held, after which the state is checked [s]
+CHANGED = 1e-3  # ‖u − u*‖ above which the filter has changed an input, as a share of U's radius
+USUAL_STEPS = 10.0  # a jump is longer than this number of usual steps
+SHARE_OF_RANGE = 0.2  # a jump is longer than this share of the range of h in the episode
 
 Strict = Callable[[Array, Array], Array]
 """(x (j, n), t (j,)) → (j, m) h of the strict conditions on the position, at j states."""

@@ -25,14 +25,7 @@ KP, KD = 2.0, 3.0
 
 
 def pd_law(position_error: Array, velocity_error: Array, kp: float = KP, kd: float = KD) -> Array:
-    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²].
-
-    Args:
-        position_error: p_ref − p (…, 2) [m].
-        velocity_error: v_ref − v (…, 2) [m/s].
-        kp: K_p [1/s²].
-        kd: K_d [1/s].
-    """
+    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²] of errors in [m] and [m/s]."""
     return kp * position_error + kd * velocity_error
 
 
@@ -104,12 +97,10 @@ _OBSERVATION_WRAPPERS = (gym.ObservationWrapper, gym.vector.VectorObservationWra
 def _action_space(env: Any) -> spaces.Space:
     """Return the space of one robot's actions; refuse wrappers that change spaces."""
     inner = instance("env", env, gym.Env, gym.vector.VectorEnv).unwrapped
+    inner_spaces = (inner.action_space, inner.observation_space)
     while env is not inner:
-        has_same_spaces = (
-            env.action_space == inner.action_space
-            and env.observation_space == inner.observation_space
-        )
-        if isinstance(env, _OBSERVATION_WRAPPERS) or not has_same_spaces:
+        has_spaces_of_inner = (env.action_space, env.observation_space) == inner_spaces
+        if isinstance(env, _OBSERVATION_WRAPPERS) or not has_spaces_of_inner:
             raise InvalidInputError(
                 f"environment: got {type(env).__name__}, which changes actions or observations; "
                 f"expected those of {inner}"

@@ -1,12 +1,6 @@
-"""Callbacks of Stable-Baselines3 (SB3): reports with checkpoints, learning from applied actions.
-
-A *decision* is one action of one environment. The *curve* of a run is the list of its reports so
-far. A report has the number of decisions ("steps"), the time of training [s] ("seconds_spent") and
-the figures of `export.Report`.
-"""
+"""Callbacks of Stable-Baselines3 (SB3): reports with checkpoints, learning from applied actions."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +11,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 from hcbf_gym.training import checkpoint
-from hcbf_gym.training.config import HELD_OUT, TrainingConfig, make_vector
+from hcbf_gym.training.config import HELD_OUT, Curve, Show, TrainingConfig, make_vector
 from hcbf_gym.training.export import export, report
 
 REPORT_SEED = HELD_OUT // 2
@@ -42,9 +36,9 @@ class Reports(BaseCallback):
         self,
         config: TrainingConfig,
         folder: Path,
-        curve: list[dict[str, float]],
+        curve: Curve,
         about: dict[str, Any],
-        show: Callable[[int, list[dict[str, float]]], None],
+        show: Show,
     ):
         super().__init__()
         self._config, self._folder, self._curve = config, folder, curve
@@ -102,21 +96,19 @@ class LearnFromFiltered(BaseCallback):
     def _on_step(self) -> bool:
         environments: Any = _normalized(self).venv  # `Sb3VecEnv`
         applied = environments.applied.astype(np.float32)  # (N, 2)
-        if "log_probs" in self.locals:
-            self._replace_on_policy(applied)
+        if "log_probs" in self.locals:  # `OnPolicyAlgorithm`, the base of PPO
+            self.locals["log_probs"][:] = self._log_probability(applied)  # (N,)
+            self.locals["actions"][:] = applied  # (N, 2)
         else:  # `OffPolicyAlgorithm`, the base of SAC and TD3, with a replay buffer
             self.locals["buffer_actions"][:] = applied  # (N, 2)
         return True
 
-    def _replace_on_policy(self, applied: NDArray[np.float32]) -> None:
-        """Replace the action in `OnPolicyAlgorithm`, PPO's base, which has a rollout buffer."""
+    def _log_probability(self, actions: NDArray[np.float32]) -> torch.Tensor:
+        """Return (N,) the log-probability of actions (N, 2) under the present policy."""
         policy: Any = self.model.policy
         with torch.no_grad():
-            _, log_probability, _ = policy.evaluate_actions(
-                self.locals["obs_tensor"], torch.as_tensor(applied)
-            )
-        self.locals["actions"][:] = applied  # (N, 2)
-        self.locals["log_probs"][:] = log_probability  # (N,)
+            observations = self.locals["obs_tensor"]
+            return policy.evaluate_actions(observations, torch.as_tensor(actions))[1]
 
 
 def _normalized(callback: BaseCallback) -> VecNormalize:

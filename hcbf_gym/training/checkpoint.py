@@ -14,15 +14,13 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.training.config import ALGORITHMS, TrainingConfig
+from hcbf_gym.training.config import ALGORITHMS, Curve, TrainingConfig
 
 _FOLDER = "checkpoint"
 _OLD_FOLDER = "checkpoint.old"  # exists alone if a run was killed while it replaced the checkpoint
 
 
-def save(
-    folder: Path, config: TrainingConfig, model: BaseAlgorithm, curve: list[dict[str, float]]
-) -> None:
+def save(folder: Path, config: TrainingConfig, model: BaseAlgorithm, curve: Curve) -> None:
     """Save a run's checkpoint, and then replace the old one, which remains if the run is killed."""
     env = model.get_vec_normalize_env()
     assert env is not None
@@ -60,7 +58,7 @@ def find(folder: Path) -> Path | None:
 
 def resume(
     checkpoint: Path, config: TrainingConfig, tensorboard: str | None
-) -> tuple[BaseAlgorithm, list[dict[str, float]]]:
+) -> tuple[BaseAlgorithm, Curve]:
     """Return the model, with its environments, and the curve up to a checkpoint.
 
     A checkpoint holds pickles, so resume only those of your own runs.

@@ -5,7 +5,7 @@ checkpoint. curves.png and curves.json have the learning curves of all seeds. Ne
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from hcbf_gym.arguments import Count, Folder
 from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.training import TrainingConfig, checkpoint, train
+from hcbf_gym.training.config import Curve
 
 RESUMED = "the same command with --resume continues from the last checkpoint"
 """Printed after Ctrl-C."""
@@ -59,13 +60,13 @@ def main(args: Args) -> None:
     Console().print(f"policies and curves in {args.output}")
 
 
-def _train_seed(args: Args, seed: int, folder: Path) -> list[dict[str, float]]:
+def _train_seed(args: Args, seed: int, folder: Path) -> Curve:
     """Train with one seed under a progress bar, and return the learning curve."""
     config = replace(args.config, seed=seed)
     with Progress(*Progress.get_default_columns(), TimeElapsedColumn()) as progress:
         bar = progress.add_task(f"seed {seed}", total=config.total_steps)
 
-        def show(steps: int, curve: list[dict[str, float]]) -> None:
+        def show(steps: int, curve: Curve) -> None:
             success = f", held-out success {curve[-1]['success']:.1%}" if curve else ""
             progress.update(bar, completed=steps, description=f"seed {seed}{success}")
 
@@ -74,13 +75,8 @@ def _train_seed(args: Args, seed: int, folder: Path) -> list[dict[str, float]]:
     return json.loads(text)["curve"]
 
 
-def plot_curves(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path) -> None:
-    """Draw the success on held-out scenes over the decisions, and over the time that they took.
-
-    Args:
-        curves: the label of a run → its curve, as in `callbacks`.
-        path: the file of the figure.
-    """
+def plot_curves(curves: Mapping[str, Curve], path: Path) -> None:
+    """Draw the success of each labelled run over its decisions, and over the time they took."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     FigureCanvasAgg(figure)
     by_steps, by_time = figure.subplots(1, 2, sharey=True)

@@ -1,5 +1,6 @@
 """The configuration of a training run, its environments, and its algorithm."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -23,6 +24,12 @@ except ImportError as error:
     ) from error
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+
+Curve = list[dict[str, float]]
+"""The reports of a run, each with its decisions ("steps"), where a decision is one action of one
+environment, the time of training ("seconds_spent") [s], and the figures of `export.Report`."""
+Show = Callable[[int, Curve], None]
+"""A function that shows the progress of a run: (decisions so far, curve) → None."""
 
 HELD_OUT = 1_000_000
 """The least seed of a training scene, so that scenes of lesser seeds are held out."""
@@ -125,18 +132,10 @@ def make_env(config: TrainingConfig) -> VecNormalize:
 
 
 def make_model(config: TrainingConfig, env: VecNormalize, tensorboard: str | None) -> BaseAlgorithm:
-    """Return the untrained algorithm, with the environments seeded.
-
-    Args:
-        config: the configuration of the run.
-        env: the training environments, as `make_env` returns them.
-        tensorboard: the folder of the log; None for no log.
-    """
+    """Return the untrained algorithm, which logs to the folder `tensorboard` if there is one."""
     options = dict(_OPTIONS[config.algorithm])
-    options["policy_kwargs"] = {
-        "net_arch": list(config.network),
-        **options.get("policy_kwargs", {}),
-    }
+    layers = {"net_arch": list(config.network)}
+    options["policy_kwargs"] = layers | options.get("policy_kwargs", {})
     if config.algorithm == "ppo":
         options["batch_size"] = min(options["batch_size"], config.n * options["n_steps"])
     else:

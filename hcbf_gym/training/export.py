@@ -18,13 +18,7 @@ LEAST_VARIANCE = 1e-5  # with less variance an entry of the observation counts a
 
 
 def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:
-    """Return the model's deterministic policy with the normalisation of its observations.
-
-    Args:
-        model: the trained PPO, SAC or TD3 model.
-        env: its normalised training environments.
-        about: configuration and versions, which are saved with the policy.
-    """
+    """Return a model's deterministic policy with the normalisation of its environments."""
     policy: Any = model.policy
     if isinstance(model, PPO):
         modules = [*policy.mlp_extractor.policy_net, policy.action_net]
@@ -62,10 +56,7 @@ class Report(NamedTuple):
 
 
 def report(policy: LearnedPolicy, env: VectorEnv, seed: int) -> Report:
-    """Return a policy's figures over one episode in each of N native environments.
-
-    The policy decides at every control step, though training holds each decision for several.
-    """
+    """Return the figures of one episode in each native environment, with a decision every step."""
     episodes = rollout_batch(env, policy, seed)
     return Report(
         success=float(episodes.terminated.mean()),

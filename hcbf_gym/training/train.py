@@ -1,6 +1,5 @@
 """One training run from its configuration to a policy file, new or resumed."""
 
-from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,12 +12,10 @@ from hcbf_gym.policies.learned import LearnedPolicy, read
 from hcbf_gym.records import make_folder
 from hcbf_gym.training import checkpoint
 from hcbf_gym.training.callbacks import LearnFromFiltered, Reports
-from hcbf_gym.training.config import TrainingConfig, make_env, make_model
+from hcbf_gym.training.config import Curve, Show, TrainingConfig, make_env, make_model
 from hcbf_gym.wrappers.sb3 import FilterCallback
 
 _PACKAGES = ("hcbf-gym", "gymnasium", "numpy", "stable-baselines3", "torch")
-
-Show = Callable[[int, list[dict[str, float]]], None]
 
 
 def train(
@@ -47,7 +44,7 @@ def train(
     log = str(folder / "tensorboard") if tensorboard else None
     saved = checkpoint.find(folder) if resume else None
     if saved is None:
-        curve: list[dict[str, float]] = []
+        curve: Curve = []
         model = make_model(config, make_env(config), log)
     else:
         model, curve = checkpoint.resume(saved, config, log)
