@@ -14,12 +14,7 @@ from scipy.ndimage import distance_transform_edt
 
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Shape, Shapes
-from hcbf_gym.drawing.scene_plot import (
-    in_drawing_order,
-    region_patch,
-    region_style,
-    window_coordinates,
-)
+from hcbf_gym.drawing import scene_plot
 
 TEXT_STYLE: dict[str, Any] = {
     "fontsize": 7,
@@ -52,15 +47,17 @@ def name_regions(axes: Axes, barriers: Sequence[Barrier], path: Array) -> bool:
     Returns:
         Whether the scene has no more than `_MAX_NAMED_REGIONS` shapes, so that it has names.
     """
-    shapes = [barrier for barrier in in_drawing_order(barriers) if isinstance(barrier, Shape)]
+    shapes = [
+        barrier for barrier in scene_plot.in_drawing_order(barriers) if isinstance(barrier, Shape)
+    ]
     if not 0 < len(shapes) <= _MAX_NAMED_REGIONS:
         return False
-    xs, ys = window_coordinates(axes)
+    xs, ys = scene_plot.window_coordinates(axes)
     spacing = np.array([xs[1] - xs[0], ys[1] - ys[0]])
     positions = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1)
     hidden = _near_path(path, positions, spacing)
     for shape in reversed(shapes):  # from the top down: each hides its part of those below
-        inside = _inside(region_patch(shape), positions)
+        inside = _inside(scene_plot.region_patch(shape), positions)
         visible = inside & ~hidden
         if visible.any():
             x, y = _place_of_name(visible, positions, spacing).tolist()
@@ -87,10 +84,9 @@ def _inside(patch: Patch, positions: Array) -> Mask:
 
 
 def _place_of_name(visible: Mask, positions: Array, spacing: Array) -> Array:
-    """Return the position (2,) for the name of a region of which a part (n, n) is visible [m].
+    """Return the position (2,) of a name, far from the edges of its region's visible part [m].
 
-    It is far from the edges of that part; a small weight of the distance from the part's centre
-    decides where many positions are equally far from the edges.
+    Of positions that are equally far from the edges, the nearest to the part's centre is best.
     """
     padded = np.pad(visible, 1)  # the edge of the window is an edge, too
     to_edge = np.asarray(distance_transform_edt(padded, sampling=spacing))[1:-1, 1:-1]
@@ -114,7 +110,7 @@ def rank_patches(barriers: Iterable[Barrier | Shapes], named_in_place: bool) -> 
         label = f"rank {rank}"
         if not named_in_place and len(names) <= _MAX_NAMES_PER_RANK:
             label += f": {', '.join(names)}"
-        patches.append(Patch(**region_style(rank), label=label))
+        patches.append(Patch(**scene_plot.region_style(rank), label=label))
     return patches
 
 

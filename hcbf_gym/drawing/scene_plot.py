@@ -151,10 +151,7 @@ def draw_map(axes: Axes, floor: Floor, covered: bool = False) -> None:
 
 
 def limits(scenario: Scenario) -> tuple[Array, Array]:
-    """Return the corners (2,), (2,) of a window that shows a whole scene [m].
-
-    The scene's extent is that of start, reference, bounded regions and map.
-    """
+    """Return the corners (2,), (2,) of a window on a scene's map, reference and regions [m]."""
     times = np.linspace(0.0, scenario.reference.duration, 50)
     points = [np.array(scenario.start), *(scenario.reference(t)[0] for t in times)]
     if scenario.map is not None:

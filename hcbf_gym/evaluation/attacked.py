@@ -26,8 +26,7 @@ CONSISTENT = tuple(chi2.ppf([0.025, 0.975], 4).tolist())
 
 The NEES, the normalised estimation error squared, is eᵀP⁻¹e at one instant, where e is the error
 of position and velocity (4,) and P the estimator's covariance of it."""
-_CHANGED_INPUT = 1e-3
-"""‖u − u*‖ above which a step counts as changed by the filter [m/s²]."""
+_CHANGED_INPUT = 1e-3  # ‖u − u*‖ above which a step counts as changed by the filter [m/s²]
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,7 @@ class AttackedEpisode:
             env.close()
 
     def _run_filtered(self, env: gym.Env) -> "Outcome":
-        """Run the episode in a filtered environment, and return its outcome.
-
-        Errors of the estimator and the reach of the body are collected after each step, because
-        samples do not have them.
-        """
+        """Run the episode; collect the estimator's errors and the body's reach after each step."""
         inner: Any = env.unwrapped
         act = policy_of(self.attack, env, self.seed, self.parameters)
         errors: list[EstimationError] = []
@@ -144,8 +139,7 @@ class Outcome:
 class Truth(NamedTuple):
     """The true state of a plant with m ranked conditions at one sample.
 
-    Each h is the least one since the sample before, if the environment reports that; it is
-    infinite if the plant has no such condition.
+    Each h is the least since the sample before, if that is reported; infinite for no condition.
     """
 
     x: Array  # (n,) the state

@@ -41,12 +41,10 @@ class View(Protocol):
     @property
     def time(self) -> float:
         """Time since the reset [s]."""
-        ...
 
     @property
     def corners(self) -> Array:
         """(k, n_u) the corners of U, the set of inputs."""
-        ...
 
     def corner(self, rng: np.random.Generator) -> Array:
         """Return a random corner of U (n_u,)."""
@@ -149,10 +147,7 @@ class Attack:
         raise NotImplementedError
 
     def draw(self, s: View, low: float, high: float, pick: Callable[[], Any]) -> Any:
-        """Return the present choice; when it ends, `pick` makes the next one.
-
-        A choice is held for a random time from `low` to `high` [s].
-        """
+        """Return the newest choice of `pick`; each is held for a random time in [low, high] [s]."""
         if s.time >= self.until:
             self.until, self.choice = s.time + self.rng.uniform(low, high), pick()
         return self.choice
@@ -231,7 +226,6 @@ class Searched(Attack):
     """An attack with six numbers in [0, 1], which a search sets.
 
     Args:
-        rng: the source of its random choices.
         parameters: (6,) weight of the second region, weight of the motion along the edge, period of
             reversals, their jitter, speed along the edge, share of time in which it backs off.
     """
@@ -242,10 +236,8 @@ class Searched(Attack):
         second, sideways, period, jitter, speed, back = self.parameters
         mean_time = 0.1 + 1.9 * period  # between reversals [s]
         low, high = mean_time * (1.0 - 0.9 * jitter), mean_time * (1.0 + 0.9 * jitter)
-        next_side = 1.0 if self.choice is None else -self.choice[0]
-        side, backs_off = self.draw(
-            s, low, high, lambda: (next_side, self.rng.random() < 0.6 * back)
-        )
+        flipped = 1.0 if self.choice is None else -self.choice[0]
+        side, backs_off = self.draw(s, low, high, lambda: (flipped, self.rng.random() < 0.6 * back))
         press = -1.0 if backs_off else 1.0
         return s.push(press, press * second, sideways, 2.0 * speed * side)
 
@@ -273,7 +265,6 @@ class Trained(Attack):
     where n₂ points towards the second nearest region and the last sign changes at random.
 
     Args:
-        rng: the source of its random choices.
         parameters: (20,) W row by row, log₂ of the period T [s] and of the mean time between
             changes of the sign [s]; by default those in `TRAINED`.
     """

@@ -13,7 +13,7 @@ The same command resumes an interrupted run.
 import itertools
 import shutil
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -39,7 +39,7 @@ from hcbf_gym.evaluation import environments, own_environment
 from hcbf_gym.evaluation.comparison import column_names, comparison
 from hcbf_gym.evaluation.environments import Known
 from hcbf_gym.evaluation.episode import samples
-from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
+from hcbf_gym.evaluation.episode_plot import LabelledEpisodes, plot_episode, plot_paths, plot_series
 from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
@@ -188,7 +188,7 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
     written = ["summary.json", *_draw(args, output, cases[0], first_episodes)]
     shutil.rmtree(jobs_folder)
     console, columns = Console(), column_names(rows)
-    _print_tables(console, rows, conditions, columns, len(set(args.program)))
+    _print_tables(rows, conditions, columns)
     for case in cases:
         if args.video:
             written.append(_film(case, args, output))
@@ -202,20 +202,14 @@ def _run(args: Args, cases: Sequence[Case]) -> None:
 
 
 def _print_tables(
-    console: Console,
-    rows: list[dict[str, Any]],
-    conditions: Sequence[Condition],
-    columns: Sequence[str],
-    n_programs: int,
+    rows: list[dict[str, Any]], conditions: Sequence[Condition], columns: Sequence[str]
 ) -> None:
-    """Print the rows as columns of tables, each with at most `COLUMNS` or with one policy.
-
-    A row is a pair of a policy and a program; the `n_programs` of a policy are in one table.
-    """
+    """Print the pairs as columns of tables, of which none separates the programs of a policy."""
+    n_programs = len({row["program"] for row in rows})
     width = COLUMNS // n_programs * n_programs or COLUMNS
     for start in range(0, len(rows), width):
         part = slice(start, start + width)
-        console.print(comparison(rows[part], conditions, columns[part]).rich())
+        Console().print(comparison(rows[part], conditions, columns[part]).rich())
 
 
 def _check(args: Args) -> None:
@@ -283,10 +277,7 @@ def _files(args: Args) -> list[Path]:
 
 
 def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
-    """Return the case of one policy and one program, with the options that the program accepts.
-
-    The weights of SHOWN_OPTIONS hold where no argument gives others.
-    """
+    """Return the case of one policy and one program, with the options that the program accepts."""
     options: dict[str, object] | None = None
     if program != UNFILTERED:
         accepted = programs.options(program)
@@ -303,9 +294,7 @@ def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
     return Case(args.env, scene, policy, program, options, env_options, v_max, args.steps)
 
 
-def _draw(
-    args: Args, output: Path, case: Case, first_episodes: Mapping[tuple[str, str], Episode]
-) -> list[str]:
+def _draw(args: Args, output: Path, case: Case, first_episodes: LabelledEpisodes) -> list[str]:
     """Draw the first episode of each pair, and return the names of the figures' files."""
     if args.own:
         barriers = own_environment.barriers_of(args.env, args.seed)

@@ -27,11 +27,7 @@ def known() -> dict[str, Known]:
 
 
 def register(env: str, facts: Known) -> None:
-    """Let commands accept an environment of Gymnasium's registry.
-
-    Args:
-        env: the id of the environment, which takes `scenario` and `render_mode`.
-        facts: the facts about it.
+    """Let commands accept the id of an environment, which takes `scenario` and `render_mode`.
 
     Raises:
         InvalidInputError: if the id is taken.

@@ -14,16 +14,7 @@ from matplotlib.lines import Line2D
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import Barrier, Oval, Shape, Shapes, Wall
-from hcbf_gym.drawing.palette import OTHER_COLORS, PATH, REFERENCE, priority_color, program_color
-from hcbf_gym.drawing.scene_labels import TEXT_STYLE, legend_below, name_regions, rank_patches
-from hcbf_gym.drawing.scene_plot import (
-    draw_barriers,
-    draw_scene,
-    in_drawing_order,
-    limits,
-    region_patch,
-    window,
-)
+from hcbf_gym.drawing import palette, scene_labels, scene_plot
 from hcbf_gym.evaluation.recorded import Episode
 from hcbf_gym.evaluation.rollouts import UNFILTERED, shown_program
 from hcbf_gym.evaluation.sentences import unit_of
@@ -36,8 +27,7 @@ _DOT = {"marker": "o", "mec": "k", "mew": 0.6, "ms": 5, "ls": ""}  # where the r
 _OUTLINE_INTERVAL = 5.0  # [s] between the later outlines of a moving region
 _MAX_OUTLINES = 3
 
-LabelledEpisodes = Mapping[tuple[str, str], Episode]
-"""(policy, program) → an episode; either name may be any label."""
+LabelledEpisodes = Mapping[tuple[str, str], Episode]  # keys: (policy, program), or any labels
 
 
 class Picture(Figure):
@@ -65,9 +55,9 @@ def plot_paths(scenario: Scenario, episodes: LabelledEpisodes) -> Figure:
     """
     figure = new_figure(6.4, 5.4)
     axes = figure.add_subplot()
-    draw_scene(axes, scenario)
+    scene_plot.draw_scene(axes, scenario)
     positions = np.concatenate([episode.position for episode in episodes.values()])
-    low, high = window([*limits(scenario), *positions], ())
+    low, high = scene_plot.window([*scene_plot.limits(scenario), *positions], ())
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     end = max(float(episode.time[-1]) for episode in episodes.values())
     outline_times = _draw_motion(axes, scenario.barriers, end)
@@ -78,27 +68,20 @@ def plot_paths(scenario: Scenario, episodes: LabelledEpisodes) -> Figure:
         for t in outline_times:
             position = episode.position[np.abs(episode.time - t).argmin()]
             axes.plot(*position, **_DOT, color=style["color"], zorder=8)
-    has_names = name_regions(axes, scenario.barriers, positions) and scenario.map is None
-    handles: list[Artist] = [*rank_patches(scenario.conditions, has_names)]
+    has_names = (
+        scene_labels.name_regions(axes, scenario.barriers, positions) and scenario.map is None
+    )
+    handles: list[Artist] = [*scene_labels.rank_patches(scenario.conditions, has_names)]
     if outline_times:
         times = ", ".join(f"{t:g}" for t in outline_times)
         handles.append(Line2D([], [], **_DOT, color="w", label=f"robot at t = {times} s"))
-    legend_below(figure, axes, handles)
+    scene_labels.legend_below(figure, axes, handles)
     axes.set_title(scenario.name, fontsize=10)
     return figure
 
 
 def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[float]:
-    """Draw an arrow and later outlines for each region that moves.
-
-    Args:
-        axes: shows the regions at time 0.
-        barriers: the barriers of the scene.
-        end: no outline is later than this time [s].
-
-    Returns:
-        The times of the outlines [s].
-    """
+    """Draw arrows and outlines until `end` [s] for moving regions; return the outlines' times."""
     times: set[float] = set()
     shapes = [barrier for barrier in barriers if isinstance(barrier, Shape)]
     moving = [shape for shape in shapes if shape.frame_velocity.any()]
@@ -113,12 +96,12 @@ def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[fl
             x, y = (center + t * shape.frame_velocity).tolist()
             if t > end or not axes.viewLim.contains(x, y):
                 break
-            style = {"facecolor": "none", "edgecolor": priority_color(shape.priority)}
-            patch = region_patch(shape, t)
+            style = {"facecolor": "none", "edgecolor": palette.priority_color(shape.priority)}
+            patch = scene_plot.region_patch(shape, t)
             patch.set(**style, lw=1.0, ls=":", zorder=2)
             axes.add_patch(patch)
             if len(moving) == 1:  # the times of several regions would cover each other
-                axes.annotate(f"t = {t:g} s", (x, y), **TEXT_STYLE)
+                axes.annotate(f"t = {t:g} s", (x, y), **scene_labels.TEXT_STYLE)
             times.add(float(t))
     return sorted(times)
 
@@ -143,14 +126,14 @@ def plot_series(episodes: LabelledEpisodes) -> Figure:
             panel.plot(episode.time[1:], slack, lw=1.3, **style)
         error_panel.plot(episode.time, episode.tracking_error, lw=1.3, **style)
     for panel, name, rank in zip(h_panels, first.names, first.priority.tolist(), strict=True):
-        panel.axhline(0.0, color=priority_color(rank), lw=0.8)
+        panel.axhline(0.0, color=palette.priority_color(rank), lw=0.8)
         panel.set_ylabel(f"h of {name}\n(rank {rank}) [{unit_of(name)}]", fontsize=8)
     for panel, rank in zip(slack_panels, ranks, strict=True):
-        panel.axhline(0.0, color=priority_color(rank), lw=0.8)
+        panel.axhline(0.0, color=palette.priority_color(rank), lw=0.8)
         panel.set_ylabel(f"slack of\nrank {rank} [m/s²]", fontsize=8)
     error_panel.set_ylabel("tracking error\n[m]", fontsize=8)
     error_panel.set_xlabel("t [s]")
-    legend_below(figure, panels[0])
+    scene_labels.legend_below(figure, panels[0])
     return figure
 
 
@@ -206,17 +189,17 @@ def _draw_rank(panel: Axes, episode: Episode, rank: int, labels: Mapping[str, st
     members = np.flatnonzero(episode.priority == rank).tolist()
     for place, k in enumerate(members):
         name = labels.get(episode.names[k], episode.names[k])
-        color = OTHER_COLORS[place % len(OTHER_COLORS)]
+        color = palette.OTHER_COLORS[place % len(palette.OTHER_COLORS)]
         panel.plot(episode.time, episode.h[:, k], color=color, lw=1.2, label=name)
-    panel.axhline(0.0, color=priority_color(rank), lw=1.0)
+    panel.axhline(0.0, color=palette.priority_color(rank), lw=1.0)
     panel.set_ylabel(f"h, rank {rank}", fontsize=8)
     panel.legend(fontsize=6, ncols=math.ceil(len(members) / 4), loc="upper right")
 
 
 def _draw_input(panel: Axes, episode: Episode, j: int) -> None:
     """Draw the j-th entry of u* and of u over time, each constant during a step."""
-    nominal = {"color": REFERENCE, "ls": "--", "lw": 1.0, "label": "u* (policy)"}
-    applied = {"color": PATH, "lw": 1.2, "label": "u (applied)"}
+    nominal = {"color": palette.REFERENCE, "ls": "--", "lw": 1.0, "label": "u* (policy)"}
+    applied = {"color": palette.PATH, "lw": 1.2, "label": "u (applied)"}
     panel.step(episode.time[:-1], episode.u_nominal[:, j], where="post", **nominal)
     panel.step(episode.time[:-1], episode.u[:, j], where="post", **applied)
     panel.legend(fontsize=6, loc="upper right")
@@ -225,12 +208,12 @@ def _draw_input(panel: Axes, episode: Episode, j: int) -> None:
 def _draw_path(axes: Axes, episode: Episode, barriers: Sequence[Barrier | Shapes]) -> None:
     """Draw an episode's path among the regions, with its start and its end marked."""
     frame(axes, episode, barriers)
-    for barrier in in_drawing_order(barriers):
+    for barrier in scene_plot.in_drawing_order(barriers):
         k = 0 if isinstance(barrier, Shape) else _sample_of_least_h(episode, barrier)
-        draw_barriers(axes, [barrier], float(episode.time[k]), planar_state(episode, k))
-    axes.plot(*episode.position.T, color=PATH, lw=1.8, zorder=4)
+        scene_plot.draw_barriers(axes, [barrier], float(episode.time[k]), planar_state(episode, k))
+    axes.plot(*episode.position.T, color=palette.PATH, lw=1.8, zorder=4)
     axes.plot(*episode.position[0], "o", color="k", ms=4, zorder=5)
-    axes.plot(*episode.position[-1], "s", color=PATH, ms=5, zorder=5)
+    axes.plot(*episode.position[-1], "s", color=palette.PATH, ms=5, zorder=5)
 
 
 def _sample_of_least_h(episode: Episode, barrier: Barrier | Shapes) -> int:
@@ -248,7 +231,7 @@ def planar_state(episode: Episode, k: int) -> Array | None:
 
 def frame(axes: Axes, episode: Episode, barriers: Sequence[Barrier | Shapes]) -> None:
     """Set the limits and labels of axes that show an episode from above."""
-    low, high = window(episode.position, barriers)
+    low, high = scene_plot.window(episode.position, barriers)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set(xlabel="x [m]", ylabel="y [m]")
 
@@ -259,7 +242,7 @@ def _styles(episodes: LabelledEpisodes) -> list[dict[str, Any]]:
     programs = list(dict.fromkeys(program for _, program in episodes))
     return [
         {
-            "color": program_color(program, programs.index(program)),
+            "color": palette.program_color(program, programs.index(program)),
             "ls": _LINE_STYLES[policies.index(policy) % len(_LINE_STYLES)],
             "label": ("" if len(policies) == 1 else f"{policy}, ") + shown_program(program),
         }

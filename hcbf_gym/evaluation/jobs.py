@@ -39,8 +39,7 @@ from hcbf_gym.records import make_folder, whole
 from hcbf_gym.sources import of_user, sources_hash
 
 PRINTED_EVERY = 15.0  # [s] between two lines of progress, where no terminal shows a bar
-COMPUTING = ("numpy", "scipy", "mujoco", "gymnasium")
-"""The packages whose versions decide the bits of an episode."""
+COMPUTING = ("numpy", "scipy", "mujoco", "gymnasium")  # their versions decide an episode's bits
 ATTEMPTS = 5  # a job is given up after its worker has died so often
 REPEATED = 10  # one of so many saved jobs is repeated
 _NO_JOB = -1  # in the place of a job's number
@@ -93,11 +92,9 @@ class Runs:
                 differs, all saved jobs run again, with a warning.
 
         Raises:
-            InvalidInputError: if there is less than one worker, a cluster has fewer CPUs than
-                workers, the function or a job cannot be pickled, or a file that decides the results
-                changes while they are computed.
-            UnknownNameError: if there is no such backend.
-            MissingDependencyError: if Ray is requested and not installed.
+            InvalidInputError: if the function or a job cannot be pickled, or a file that decides
+                the results changes while they are computed.
+            HcbfError: as `workers.count` does.
             JobError: if the function raises an error that is not of this package, or the workers of
                 one job died `ATTEMPTS` times.
         """
@@ -311,11 +308,8 @@ def _call(work: _Work, job: _Job) -> tuple[int, _Result | Exception]:
         with opened.recorded() as hashes:
             value = work.function(job.argument)
         result = _Result(value, hashes)
-        edited = [
-            name
-            for name in _changed_files(work, result)
-            if MISSING not in (hashes.get(name), content(name))
-        ]
+        changed = _changed_files(work, result)
+        edited = [file for file in changed if MISSING not in (hashes.get(file), content(file))]
         if edited:
             raise InvalidInputError(
                 f"{job}: {', '.join(edited)} changed after it was read, expected it "

@@ -9,17 +9,16 @@ from pathlib import Path
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.records import SETTINGS, check_place, make_folder, whole
 
+Settings = Mapping[str, object]  # all that decides the results of a study; JSON types only
 
-def open_folder(
-    folder: Path, settings: Mapping[str, object], overwrite: bool | None = None
-) -> None:
+
+def open_folder(folder: Path, settings: Settings, overwrite: bool | None = None) -> None:
     """Make a folder for one study, or open the folder that already holds it.
 
     Args:
         folder: the folder of the study's results.
-        settings: all that decides these results; JSON types only.
-        overwrite: accept a folder of any content, and write over files of the same names; None
-            for a command without such an option.
+        settings: the study's settings.
+        overwrite: accept a folder of any content; None for a command without such an option.
 
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
@@ -30,7 +29,7 @@ def open_folder(
     write_text(folder / SETTINGS, text)
 
 
-def free_folder(base: Path, settings: Mapping[str, object]) -> Path:
+def free_folder(base: Path, settings: Settings) -> Path:
     """Return the first of the folders base, base-2, base-3, … that holds no other study."""
     numbered = (Path(f"{base}-{k}") for k in itertools.count(2))
     for folder in itertools.chain([base], numbered):
@@ -40,9 +39,7 @@ def free_folder(base: Path, settings: Mapping[str, object]) -> Path:
     raise AssertionError
 
 
-def check_folder(
-    folder: Path, settings: Mapping[str, object], overwrite: bool | None = None
-) -> None:
+def check_folder(folder: Path, settings: Settings, overwrite: bool | None = None) -> None:
     """Refuse a folder that `open_folder` would refuse.
 
     Raises:
@@ -80,7 +77,7 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def _differences(path: Path, settings: Mapping[str, object]) -> list[str]:
+def _differences(path: Path, settings: Settings) -> list[str]:
     """Return the names of the settings that differ from those in a file at `path`."""
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))

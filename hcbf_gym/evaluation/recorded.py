@@ -23,8 +23,7 @@ from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
 _REPORTED = ("u_nominal", "psi", "slack", "delta")  # fields of the filter's report and of `Episode`
-Positions = Callable[[Array], Any]
-"""x (n,) → (2,) the position at which pictures show the robot [m]."""
+Positions = Callable[[Array], Any]  # x (n,) → (2,) the robot's position in pictures [m]
 
 
 @dataclass(frozen=True)
@@ -82,9 +81,7 @@ class Episode:
             "reached": self.reached,
             "task": self.task,
             "intervention_rms": float(np.sqrt(np.mean(self.intervention**2))),
-            "status_counts": {
-                status.name: int((self.status == status).sum()) for status in FilterStatus
-            },
+            "status_counts": {s.name: int((self.status == s).sum()) for s in FilterStatus},
             "outside_steps": int(is_outside.sum()),
             "deadlock_share": None if self.deadlock is None else float(np.mean(self.deadlock)),
             "max_obstacle_force": float(self.obstacle_force.max(initial=0.0)),

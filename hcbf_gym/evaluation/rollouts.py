@@ -65,12 +65,8 @@ class Case:
                 f"{list(environments.known())}, file.py:function or module:function"
             )
         else:
-            env = gym.make(
-                self.env,
-                scenario=self._scene(seed),
-                render_mode=render_mode,
-                **(self.env_options or {}),
-            )
+            scene, env_options = self._scene(seed), self.env_options or {}
+            env = gym.make(self.env, scenario=scene, render_mode=render_mode, **env_options)
         if self.program == UNFILTERED:
             if self.options:
                 raise InvalidInputError(
@@ -97,19 +93,13 @@ class Case:
 
     def label(self) -> dict[str, object]:
         """Return the names of environment, scene, policy and program, for summaries."""
-        return {
-            "env": self.env,
-            "scenario": self._scene_name(),
-            "policy": self.policy,
-            "program": self.program,
-        }
-
-    def _scene_name(self) -> str:
-        """Return the name of the scene; "own" for an environment of the user's own."""
         if loading.is_function(self.env):
-            return "own"
-        scene = self.scenario
-        return scene if isinstance(scene, str) else scenarios.make(scene).name
+            scene = "own"
+        elif isinstance(self.scenario, str):
+            scene = self.scenario
+        else:
+            scene = scenarios.make(self.scenario).name
+        return {"env": self.env, "scenario": scene, "policy": self.policy, "program": self.program}
 
 
 def shown_program(program: str) -> str:
@@ -164,9 +154,7 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     groups: dict[tuple, list[Mapping[str, Any]]] = {}
     for episode in episodes:
         groups.setdefault(tuple(episode[label] for label in labels), []).append(episode)
-    return [
-        dict(zip(labels, group, strict=True)) | _row(members) for group, members in groups.items()
-    ]
+    return [dict(zip(labels, key, strict=True)) | _row(group) for key, group in groups.items()]
 
 
 def _row(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

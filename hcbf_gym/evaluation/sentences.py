@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-SPEED = "speed limit"
-"""The condition that the environments add for a cap on the speed; its h is in m/s."""
+SPEED = "speed limit"  # the condition that environments add for a cap on the speed; h in m/s
 
 
 def unit_of(name: str) -> str:

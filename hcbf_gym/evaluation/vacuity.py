@@ -25,8 +25,8 @@ CHANGED = 1e-3  # ‖u − u*‖ above which the filter has changed an input, as
 USUAL_STEPS = 10.0  # a jump is longer than this number of usual steps
 SHARE_OF_RANGE = 0.2  # a jump is longer than this share of the range of h in the episode
 
+# (x (j, n), t (j,)) → (j, m) h of the strict conditions on the position, at j states
 Strict = Callable[[Array, Array], Array]
-"""(x (j, n), t (j,)) → (j, m) h of the strict conditions on the position, at j states."""
 
 
 def prevents_entry(

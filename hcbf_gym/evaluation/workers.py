@@ -19,8 +19,7 @@ from hcbf_gym.errors import (
     install,
 )
 
-Backend = Literal["processes", "ray"]
-"""Processes of this machine, or a Ray cluster (the extra `cluster`)."""
+Backend = Literal["processes", "ray"]  # of this machine, or a Ray cluster (the extra `cluster`)
 
 
 def count(backend: Backend, workers: int | None) -> int:
@@ -46,10 +45,7 @@ def count(backend: Backend, workers: int | None) -> int:
 
 
 def parallel(backend: Backend, workers: int) -> joblib.Parallel:
-    """Return an executor that yields results as they finish.
-
-    With one worker the jobs run in the calling process.
-    """
+    """Return an executor that yields results as they finish; one worker is this process."""
     options: dict[str, Any] = {"pre_dispatch": "n_jobs", "batch_size": 1, "max_nbytes": None}
     if backend == "processes":
         options |= {"backend": "loky", "inner_max_num_threads": 1}

@@ -14,8 +14,7 @@ from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, reals
 from hcbf_gym.records import whole
 
 _FOLDER = Path(__file__).parent / "baselines"
-CLIP = 10.0
-"""The bound of the entries of a normalised observation, as in training."""
+CLIP = 10.0  # the bound of the entries of a normalised observation, as in training
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
 
@@ -61,9 +60,7 @@ class LearnedPolicy:
 
     def save(self, path: Path) -> None:
         """Write the policy to an .npz file, whole or not at all."""
-        layers: dict[str, Any] = {
-            f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)
-        }
+        layers = {f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)}
         layers |= {f"bias{i}": b.astype(np.float32) for i, b in enumerate(self.biases)}
         header = {"activation": self.activation, "squash": self.squash, "about": self.about}
         with whole(path) as partial:

@@ -236,14 +236,12 @@ def _read_stable_baselines(path: Path, observations: gym.Space, actions: spaces.
     expected = "expected what model.save of Stable-Baselines3's PPO, A2C, SAC, TD3 or DDPG wrote"
     algorithms = (sb3.PPO, sb3.SAC, sb3.TD3)  # A2C has the policies of PPO, DDPG those of TD3
     try:
-        policy_class = save_util.load_from_zip_file(path, device="cpu")[0]["policy_class"]
+        policy_type = save_util.load_from_zip_file(path, device="cpu")[0]["policy_class"]
         fitting = [
-            algorithm
-            for algorithm in algorithms
-            if issubclass(policy_class, tuple(algorithm.policy_aliases.values()))
+            a for a in algorithms if issubclass(policy_type, tuple(a.policy_aliases.values()))
         ]
         if not fitting:
-            raise TypeError(f"holds a {policy_class.__name__}")
+            raise TypeError(f"holds a {policy_type.__name__}")
         model = fitting[0].load(path, device="cpu")
     except Exception as error:  # of unzipping and unpickling
         raise InvalidInputError(

@@ -14,11 +14,7 @@ from hcbf_gym.training import checkpoint
 from hcbf_gym.training.config import HELD_OUT, Curve, Show, TrainingConfig, make_vector
 from hcbf_gym.training.export import export, report
 
-REPORT_SEED = HELD_OUT // 2
-"""The seed of the first scene of a report.
-
-It is halfway between 0, where the seeds of evaluations begin, and `HELD_OUT`, where those of
-training begin, so that the best policy is chosen on scenes of neither."""
+REPORT_SEED = HELD_OUT // 2  # between the scenes of evaluations, which begin at 0, and of training
 
 
 class Reports(BaseCallback):

@@ -61,12 +61,8 @@ def resume(
 ) -> tuple[BaseAlgorithm, Curve]:
     """Return the model, with its environments, and the curve up to a checkpoint.
 
-    A checkpoint holds pickles, so resume only those of your own runs.
-
-    Args:
-        checkpoint: the folder that `find` returns.
-        config: the configuration of the run, which may differ from the saved one in `steps`.
-        tensorboard: the folder of the log; None for no log.
+    A checkpoint holds pickles, so resume only those of your own runs. The configuration may differ
+    from the saved one in `steps`.
 
     Raises:
         InvalidInputError: if the checkpoint belongs to another run, or cannot be read.

@@ -31,8 +31,7 @@ environment, the time of training ("seconds_spent") [s], and the figures of `exp
 Show = Callable[[int, Curve], None]
 """A function that shows the progress of a run: (decisions so far, curve) → None."""
 
-HELD_OUT = 1_000_000
-"""The least seed of a training scene, so that scenes of lesser seeds are held out."""
+HELD_OUT = 1_000_000  # the least seed of training scenes, so that those of lesser are held out
 
 _NUM_ENVS = {"ppo": 256, "sac": 32, "td3": 32}
 _STEPS = {"ppo": 1_000_000, "sac": 200_000, "td3": 200_000}

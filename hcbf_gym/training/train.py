@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import torch
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+from stable_baselines3.common.callbacks import BaseCallback
 
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.policies.learned import LearnedPolicy, read
@@ -55,11 +55,10 @@ def train(
         callbacks.append(LearnFromFiltered())
     if tensorboard and config.filter != "off":
         callbacks.append(FilterCallback())
-    reports = Reports(config, folder, curve, about, show)
+    callbacks.append(Reports(config, folder, curve, about, show))
     remaining = config.total_steps - model.num_timesteps
     if remaining > 0:
-        all_callbacks = CallbackList([*callbacks, reports])
-        model.learn(remaining, all_callbacks, reset_num_timesteps=saved is None)
+        model.learn(remaining, callbacks, reset_num_timesteps=saved is None)
     write_json(folder / "training.json", about | {"curve": curve})
     return read(folder / "policy.npz")
 
