@@ -92,8 +92,7 @@ class SceneArtist:
             self._scenario = scenario
             self._reference = [scenario.reference(t)[0] for t in times]
         starts, ends = self._reference[::2], self._reference[1::2]
-        color = palette.rgba(palette.REFERENCE)
-        _draw_lines(scene, starts, ends, _REFERENCE_WIDTH, color)
+        _draw_lines(scene, starts, ends, _REFERENCE_WIDTH, palette.rgba(palette.REFERENCE))
 
 
 def _height(rank: int) -> float:

@@ -34,7 +34,7 @@ _HANDLE_CHARACTERS = 6  # the width of a legend's patch or line, with its gaps
 
 
 def name_regions(axes: Axes, barriers: Sequence[Barrier], path: Array) -> bool:
-    """Write the names of a scene's shapes into their regions.
+    """Write the names of a scene's shapes into their regions; return False for none or too many.
 
     A name is in the visible part of its region, far from edges and off the path. The name of a
     moving region has the time, 0, at which the region is there.
@@ -43,13 +43,9 @@ def name_regions(axes: Axes, barriers: Sequence[Barrier], path: Array) -> bool:
         axes: shows the regions at time 0; its limits are set.
         barriers: the barriers at time 0.
         path: (k, 2) positions that names should not cover [m].
-
-    Returns:
-        Whether the scene has no more than `_MAX_NAMED_REGIONS` shapes, so that it has names.
     """
-    shapes = [
-        barrier for barrier in scene_plot.in_drawing_order(barriers) if isinstance(barrier, Shape)
-    ]
+    ordered = scene_plot.in_drawing_order(barriers)
+    shapes = [barrier for barrier in ordered if isinstance(barrier, Shape)]
     if not 0 < len(shapes) <= _MAX_NAMED_REGIONS:
         return False
     xs, ys = scene_plot.window_coordinates(axes)

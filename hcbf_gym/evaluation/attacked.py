@@ -40,8 +40,7 @@ class AttackedEpisode:
     env_options: Mapping[str, Any] | None = None  # further arguments of the environment
     filter_options: Mapping[str, Any] | None = None  # arguments of `SafetyFilter`
     parameters: tuple[float, ...] | None = None  # of the attack; None takes its default ones
-    # a wrapper between the filter and the environment; None for none
-    inside: Callable[[gym.Env], gym.Env] | None = None
+    inside: Callable[[gym.Env], gym.Env] | None = None  # wraps the environment below the filter
     uncertainty: Uncertainty | None = None  # decides the rows' margins; None takes the plant's
 
     def run(self) -> "Outcome":
@@ -115,8 +114,7 @@ class Outcome:
     least_h: float  # least h of the strict barriers on the position [m, or the unit of h]
     least_speed_h: float = np.inf  # of the strict speed limit [m/s]; infinite where there is none
     least_second_h: float = np.inf  # of the barriers of priority 2 [m]
-    # of the strict barriers for the robot's whole body [m]; infinite for a point
-    least_body_h: float = np.inf
+    least_body_h: float = np.inf  # of the strict barriers for the whole body [m]; else infinite
     first_h: float = np.inf  # least h of the strict barriers on the position, at the reset [m]
     fell: bool = False  # whether the robot fell, if its environment reports it
     reached: bool = False  # whether the robot reached the goal, if its environment reports it
@@ -126,12 +124,11 @@ class Outcome:
     status_counts: Sequence[int] = ()  # steps in each `FilterStatus`
     median_margin: float = 0.0  # over steps, of the largest margin of a strict position row [m]
     changed: bool = False  # whether the filter changed an input
-    pressed: bool = False  # whether it changed one that prevents an entry, see `vacuity`
+    pressed: bool = False  # whether it prevented an entry, see `vacuity.prevents_entry`
     alarm: int = 0  # the `Reason` at the end, if it is an alarm; 0 for none
     warned: bool = False  # whether the filter warned that the environment does not apply its input
     reach: float = 0.0  # the greatest horizontal distance of the body from the trunk's centre [m]
-    # root mean square of the estimated position's error [m]; None where the state is known
-    position_error: float | None = None
+    position_error: float | None = None  # RMS error of the estimate [m]; None if the state is known
     nees: float | None = None  # the mean NEES; 4 for an estimator of the right covariance
     nees_inside: float | None = None  # share of the instants at which the NEES is in `CONSISTENT`
 

@@ -204,8 +204,7 @@ class GaitPhase(Attack):
     """Presses against the nearest region, and reverses sideways with half periods of the gait."""
 
     def act(self, s: Surroundings) -> Array:
-        half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0  # 0 or 1
-        side = 2.0 * half - 1.0
+        side = 2.0 * (np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0) - 1.0  # −1 or 1
         return full(-s.normal[0] + side * _left(s.normal[0]))
 
 
@@ -249,7 +248,6 @@ N_TRAINED = 20  # the number of parameters of `Trained`
 
 @cache
 def _trained() -> tuple[float, ...]:
-    """Return the parameters in `TRAINED`."""
     return tuple(json.loads(TRAINED.read_text(encoding="utf-8"))["parameters"])
 
 

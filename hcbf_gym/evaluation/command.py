@@ -136,8 +136,7 @@ def main(args: Args) -> None:
     scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
     if not args.own:
         scenarios.make(scene)
-    # without the pairs of a policy or a program that was named twice
-    pairs = dict.fromkeys(itertools.product(args.policy, args.program))
+    pairs = dict.fromkeys(itertools.product(args.policy, args.program))  # each of them once
     cases = [_case(args, scene, *pair) for pair in pairs]
     if args.output is not None:
         check_folder(args.output, _settings(args, _files(args)), args.overwrite)

@@ -55,7 +55,11 @@ def comparison(
         if key in rows[0]:
             lines.append([title, *(_cell(row, key, form) for row in rows)])
     if episodes > 1:
-        lines.append(_entered(rows, episodes))
+        title, entered = "episodes that entered a strict region", [row["entered"] for row in rows]
+        if episodes < FEW:
+            lines.append([title, *map(str, entered)])
+        else:
+            lines.append([f"{title} ({BOUNDED})", *(counted(n, episodes) for n in entered)])
     for status in ("VIOLATED", "UNSAFE", "BACKUP"):
         counts = [
             UNKNOWN if row["program"] == UNFILTERED else str(row["status_counts"][status])
@@ -66,14 +70,6 @@ def comparison(
     title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {episodes} "
     title += f"episodes each; [{INTERVAL:.0%} interval]" if episodes > 1 else "episode each"
     return Table(title, ("", *header), lines)
-
-
-def _entered(rows: Sequence[Mapping[str, Any]], episodes: int) -> list[str]:
-    """Return the line with the count of episodes that entered, bounded unless there are few."""
-    title = "episodes that entered a strict region"
-    if episodes < FEW:
-        return [title, *(str(row["entered"]) for row in rows)]
-    return [f"{title} ({BOUNDED})", *(counted(row["entered"], episodes) for row in rows)]
 
 
 def _cell(row: Mapping[str, Any], key: str, form: str) -> str:

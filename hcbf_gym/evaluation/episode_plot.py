@@ -96,9 +96,9 @@ def _draw_motion(axes: Axes, barriers: Sequence[Barrier], end: float) -> list[fl
             x, y = (center + t * shape.frame_velocity).tolist()
             if t > end or not axes.viewLim.contains(x, y):
                 break
-            style = {"facecolor": "none", "edgecolor": palette.priority_color(shape.priority)}
+            color = palette.priority_color(shape.priority)
             patch = scene_plot.region_patch(shape, t)
-            patch.set(**style, lw=1.0, ls=":", zorder=2)
+            patch.set(facecolor="none", edgecolor=color, lw=1.0, ls=":", zorder=2)
             axes.add_patch(patch)
             if len(moving) == 1:  # the times of several regions would cover each other
                 axes.annotate(f"t = {t:g} s", (x, y), **scene_labels.TEXT_STYLE)

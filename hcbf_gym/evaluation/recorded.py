@@ -43,8 +43,7 @@ class Episode:
     slack: Array  # (k, m) by how much the filter's rows were violated; zeros without a filter
     delta: Array  # (k, m) the program's own relaxation; zeros without a filter
     status: Integers  # (k,) `FilterStatus`; NOMINAL without a filter
-    # (k,) whether the robot was at rest though u* requested motion; None if the velocity is unknown
-    deadlock: Mask | None
+    deadlock: Mask | None  # (k,) at rest though u* requested motion; None if v is not known
     obstacle_force: Array  # (k, b) the largest contact force with each box during a step [N]
     names: tuple[str, ...]  # (m,) the barriers' names
     priority: Integers  # (m,) the barriers' ranks; rank 1 is strict

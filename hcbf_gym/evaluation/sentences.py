@@ -14,9 +14,8 @@ def unit_of(name: str) -> str:
 def sentences(row: Mapping[str, Any], conditions: Sequence[tuple[str, int]]) -> list[str]:
     """Return a sentence for each rank, that of rank 1 first.
 
-    A rank is relaxed while one of its rows is violated, and entered while one of its h is
-    negative. The two differ: where h falls too fast, the row is violated before h is negative,
-    and it is satisfied again before the robot has left.
+    A rank is relaxed while one of its rows is violated, and entered while one of its h is negative.
+    If h falls too fast, its row is violated earlier, and satisfied before the robot has left.
 
     Args:
         row: the row of a policy under a program, as `rollouts.aggregate` returns it.

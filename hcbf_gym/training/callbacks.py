@@ -29,12 +29,7 @@ class Reports(BaseCallback):
     """
 
     def __init__(
-        self,
-        config: TrainingConfig,
-        folder: Path,
-        curve: Curve,
-        about: dict[str, Any],
-        show: Show,
+        self, config: TrainingConfig, folder: Path, curve: Curve, about: dict[str, Any], show: Show
     ):
         super().__init__()
         self._config, self._folder, self._curve = config, folder, curve
@@ -77,7 +72,7 @@ class Reports(BaseCallback):
     def _is_best(self, result: dict[str, float]) -> bool:
         """Return whether no earlier report has a greater success or, at equal success, return."""
         score = result["success"], result["returns"]
-        return all(score >= (report["success"], report["returns"]) for report in self._curve)
+        return all(score >= (earlier["success"], earlier["returns"]) for earlier in self._curve)
 
 
 class LearnFromFiltered(BaseCallback):

@@ -52,9 +52,7 @@ def main(args: Args) -> None:
             raise InvalidInputError(
                 f"output: {folder} holds a run, expected --resume or another --output"
             )
-    curves = {}
-    for seed, folder in folders.items():
-        curves[f"seed {seed}"] = _train_seed(args, seed, folder)
+    curves = {f"seed {seed}": _train_seed(args, seed, folders[seed]) for seed in seeds}
     write_json(args.output / "curves.json", curves)
     plot_curves(curves, args.output / "curves.png")
     Console().print(f"policies and curves in {args.output}")
