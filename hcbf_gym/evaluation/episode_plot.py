@@ -68,10 +68,9 @@ def plot_paths(scenario: Scenario, episodes: LabelledEpisodes) -> Figure:
         for t in outline_times:
             position = episode.position[np.abs(episode.time - t).argmin()]
             axes.plot(*position, **_DOT, color=style["color"], zorder=8)
-    has_names = (
-        scene_labels.name_regions(axes, scenario.barriers, positions) and scenario.map is None
-    )
-    handles: list[Artist] = [*scene_labels.rank_patches(scenario.conditions, has_names)]
+    has_names = scene_labels.name_regions(axes, scenario.barriers, positions)
+    all_named = has_names and scenario.map is None  # the regions of a map have no names in it
+    handles: list[Artist] = [*scene_labels.rank_patches(scenario.conditions, all_named)]
     if outline_times:
         times = ", ".join(f"{t:g}" for t in outline_times)
         handles.append(Line2D([], [], **_DOT, color="w", label=f"robot at t = {times} s"))

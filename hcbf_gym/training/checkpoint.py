@@ -24,8 +24,8 @@ def save(folder: Path, config: TrainingConfig, model: BaseAlgorithm, curve: Curv
     """Save a run's checkpoint, and then replace the old one, which remains if the run is killed."""
     env = model.get_vec_normalize_env()
     assert env is not None
-    current, fresh = folder / _FOLDER, folder / f"{_FOLDER}.new"
-    old = folder / _OLD_FOLDER
+    current, old = folder / _FOLDER, folder / _OLD_FOLDER
+    fresh = folder / f"{_FOLDER}.new"  # renamed when it is complete
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
     model.save(fresh / "model.zip")
