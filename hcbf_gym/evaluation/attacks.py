@@ -41,10 +41,12 @@ class View(Protocol):
     @property
     def time(self) -> float:
         """Time since the reset [s]."""
+        ...
 
     @property
     def corners(self) -> Array:
         """(k, n_u) the corners of U, the set of inputs."""
+        ...
 
     def corner(self, rng: np.random.Generator) -> Array:
         """Return a random corner of U (n_u,)."""

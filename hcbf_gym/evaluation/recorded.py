@@ -153,9 +153,7 @@ def rollout(
         u=np.array([report["u_safe"] for report in reports]),
         status=np.array([report["status"] for report in reports], dtype=np.int64),
         deadlock=deadlock,
-        obstacle_force=np.array(
-            [s.info.get("obstacle_force", ()) for s in after_steps], np.float64
-        ),
+        obstacle_force=np.array([s.info.get("obstacle_force", ()) for s in after_steps], float),
         names=tuple(condition.name for condition in reset.conditions),
         priority=np.array([condition.rank for condition in reset.conditions], dtype=np.int64),
         fell=fell,

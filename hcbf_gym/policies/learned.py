@@ -60,7 +60,8 @@ class LearnedPolicy:
 
     def save(self, path: Path) -> None:
         """Write the policy to an .npz file, whole or not at all."""
-        layers = {f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)}
+        layers: dict[str, Any] = {}
+        layers |= {f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)}
         layers |= {f"bias{i}": b.astype(np.float32) for i, b in enumerate(self.biases)}
         header = {"activation": self.activation, "squash": self.squash, "about": self.about}
         with whole(path) as partial:

@@ -88,11 +88,12 @@ def make(name: str, env: gym.Env) -> Policy:
         if not inspect.isclass(function):
             return function
         try:
-            return function()
+            policy: Any = function()
         except TypeError as error:
             raise InvalidInputError(
                 f"policy: got {name!r} ({error}), expected a class without arguments"
             ) from error
+        return policy
     reader = _READERS.get(Path(name).suffix)
     if reader is None:
         return learned.load(name, env)

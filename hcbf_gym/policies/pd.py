@@ -17,6 +17,7 @@ class Policy(Protocol):
 
     def __call__(self, observation: Array, info: Info) -> NDArray[Any]:
         """Return u* (…, 2) [m/s²]."""
+        ...
 
 
 KP, KD = 2.0, 3.0

@@ -98,8 +98,7 @@ class LearnFromFiltered(BaseCallback):
         """Return (N,) the log-probability of actions (N, 2) under the present policy."""
         policy: Any = self.model.policy
         with torch.no_grad():
-            observations = self.locals["obs_tensor"]
-            return policy.evaluate_actions(observations, torch.as_tensor(actions))[1]
+            return policy.evaluate_actions(self.locals["obs_tensor"], torch.as_tensor(actions))[1]
 
 
 def _normalized(callback: BaseCallback) -> VecNormalize:
