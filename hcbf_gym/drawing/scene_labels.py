@@ -16,7 +16,7 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import Barrier, Shape, Shapes
 from hcbf_gym.drawing import scene_plot
 
-TEXT_STYLE: dict[str, Any] = {
+TEXT_STYLE: dict[str, Any] = {  # arguments of `Axes.annotate` for a text within a scene
     "fontsize": 7,
     "ha": "center",
     "va": "center",
@@ -24,7 +24,6 @@ TEXT_STYLE: dict[str, Any] = {
     "path_effects": [withStroke(linewidth=2.0, foreground="w", alpha=0.7)],
     "zorder": 9,
 }
-"""Arguments of `Axes.annotate` for a text within a scene."""
 
 _MAX_NAMED_REGIONS = 8  # a scene of more regions has no names in the picture
 _MAX_NAMES_PER_RANK = 4  # a legend does not name the regions of a rank that has more
