@@ -4,7 +4,7 @@ from typing import Any
 
 from hcbf_gym import scenarios
 from hcbf_gym.barriers.set import Condition
-from hcbf_gym.evaluation.command import column_names, comparison
+from hcbf_gym.evaluation.comparison import column_names, comparison
 from hcbf_gym.evaluation.rollouts import UNFILTERED, Case, aggregate, evaluate
 from hcbf_gym.evaluation.tables import Table
 

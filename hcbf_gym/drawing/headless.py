@@ -6,10 +6,10 @@ import sys
 
 
 def prefer_egl() -> None:
-    """Let MuJoCo render through EGL where there is no display and EGL is installed.
+    """Let MuJoCo render through EGL on Linux without a display, if EGL is installed.
 
-    MuJoCo reads MUJOCO_GL once, when it is first imported, and fails to import if EGL is chosen
-    but missing; a value that the user has set is left alone.
+    MuJoCo reads MUJOCO_GL when it is first imported, so this is called before. EGL is looked for
+    because MuJoCo's import fails if it is chosen but missing. A value set by the user remains.
     """
     has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not sys.platform.startswith("linux") or has_display or "MUJOCO_GL" in os.environ:

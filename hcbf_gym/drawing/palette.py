@@ -16,10 +16,10 @@ PROGRAM_COLORS = {
     "eh-cbf-qp": "#d55e00",
     "lex-cbf-qp": "#009e73",
 }
-"""One colour for a program throughout all figures."""
+"""A program has one colour in all figures."""
 
 OTHER_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c564b", "#000000")
-"""Of programs without a colour above, in turn."""
+"""Colours of programs that are not in `PROGRAM_COLORS`, in turn."""
 
 PATH, REFERENCE, GOAL = "#0072b2", "#404040", "#111111"
 SPEED_ZONE = "#009e73"
@@ -33,14 +33,14 @@ def priority_color(priority: int) -> str:
 
 
 def program_color(program: str, place: int = 0) -> str:
-    """Return a program's colour; for a user's program that of its place among others."""
+    """Return a program's colour as "#rrggbb"; of a user's program by its place in the figure."""
     return PROGRAM_COLORS.get(program, OTHER_COLORS[place % len(OTHER_COLORS)])
 
 
 def paler(color: str, share: float = 0.3) -> str:
-    """Return "#rrggbb" mixed with a share of white, as areas are painted."""
-    mixed = (round(255 * (part + share * (1.0 - part))) for part in rgba(color)[:3])
-    return "#" + "".join(f"{part:02x}" for part in mixed)
+    """Return "#rrggbb" mixed with a share of white in [0, 1], for areas."""
+    channels = (channel + share * (1.0 - channel) for channel in rgba(color)[:3])
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
 
 
 def rgba(color: str, opacity: float = 1.0) -> tuple[float, float, float, float]:

@@ -14,7 +14,11 @@ from hcbf_gym.scenarios import Scenario
 
 HEIGHT, WIDTH = 480, 640
 
-_SLICES, _STACKS = 56, 6  # of round shapes: more cost time, fewer show corners
+_SLICES, _STACKS = 56, 6  # of round shapes: more cost time, with fewer their corners are visible
+_MAX_GEOMS = 2000  # bodies, regions and the path together
+_DISTANCE = 3.2  # [m] of the camera from the robot
+_AZIMUTH, _ELEVATION = 110.0, -32.0  # [deg] directions in which the camera looks
+_TRUNK = 1  # the index of the trunk's body: 0 is the world
 
 
 class OffscreenRenderer:
@@ -25,10 +29,10 @@ class OffscreenRenderer:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
-        self._data, quality = data, model.vis.quality
-        quality.numslices, quality.numstacks = _SLICES, _STACKS
+        self._data = data
+        model.vis.quality.numslices, model.vis.quality.numstacks = _SLICES, _STACKS
         try:
-            self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH, max_geom=2000)
+            self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH, max_geom=_MAX_GEOMS)
         except Exception as error:  # MuJoCo raises whatever the GL library does
             raise RenderingError(
                 f"render_mode 'rgb_array': there is no OpenGL context ({error}), expected EGL "
@@ -37,13 +41,13 @@ class OffscreenRenderer:
             ) from error
 
     def draw(self, artist: SceneArtist, scenario: Scenario, t: float) -> NDArray[np.uint8]:
-        """Return a picture (480, 640, 3) from a camera that follows the robot from the south."""
+        """Return a picture (480, 640, 3) of a scene at time t [s], from south of the robot."""
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        camera.lookat[:] = self._data.subtree_com[1]
-        camera.distance, camera.azimuth, camera.elevation = 3.2, 110.0, -32.0
+        camera.lookat[:] = self._data.subtree_com[_TRUNK]
+        camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
         self._renderer.update_scene(self._data, camera=camera)
-        artist.draw(self._renderer.scene, scenario, t, *_pose(self._data))
+        artist.draw(self._renderer.scene, scenario, t, *_trunk_pose(self._data))
         return self._renderer.render()
 
     def close(self) -> None:
@@ -70,10 +74,10 @@ class WindowRenderer:
         self._viewer: Any = mujoco.viewer.launch_passive(model, data)
 
     def draw(self, artist: SceneArtist, scenario: Scenario, t: float) -> None:
-        """Draw the present state."""
+        """Show the robot's present state in a scene at time t [s]."""
         with self._viewer.lock():
             self._viewer.user_scn.ngeom = 0
-            artist.draw(self._viewer.user_scn, scenario, t, *_pose(self._data))
+            artist.draw(self._viewer.user_scn, scenario, t, *_trunk_pose(self._data))
         self._viewer.sync()
 
     def close(self) -> None:
@@ -81,7 +85,7 @@ class WindowRenderer:
         self._viewer.close()
 
 
-def _pose(data: mujoco.MjData) -> tuple[Array, float]:
-    """Return position (2,) [m] and heading [rad] of the trunk, the first body of the scene."""
-    forward = data.xmat[1].reshape(3, 3)[:, 0]
-    return data.xpos[1, :2].copy(), float(np.arctan2(forward[1], forward[0]))
+def _trunk_pose(data: mujoco.MjData) -> tuple[Array, float]:
+    """Return position (2,) [m] and heading [rad] of the robot's trunk."""
+    forward = data.xmat[_TRUNK].reshape(3, 3)[:, 0]
+    return data.xpos[_TRUNK, :2].copy(), float(np.arctan2(forward[1], forward[0]))

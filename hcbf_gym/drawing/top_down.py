@@ -10,16 +10,18 @@ from hcbf_gym.drawing import palette
 from hcbf_gym.drawing.scene_plot import draw_scene
 from hcbf_gym.scenarios import Scenario
 
+_INCHES = 4.8  # the side of the picture as matplotlib sees it, which decides the size of texts
+
 
 class TopDownView:
     """Draws the scene and the path walked so far, without a display.
 
     Args:
-        side: of the picture [pixels].
+        side: the width and height of the picture [pixels].
     """
 
     def __init__(self, side: int = 480) -> None:
-        self._figure = Figure(figsize=(4.8, 4.8), dpi=side / 4.8, layout="constrained")
+        self._figure = Figure((_INCHES, _INCHES), dpi=side / _INCHES, layout="constrained")
         self._canvas = FigureCanvasAgg(self._figure)
 
     def draw(self, scenario: Scenario, t: float, path: Array) -> NDArray[np.uint8]:
@@ -28,7 +30,7 @@ class TopDownView:
         Args:
             scenario: the scene.
             t: time [s], for regions that move.
-            path: (k, 2) positions walked [m], the robot at the last.
+            path: (k, 2) the robot's positions so far, the present one last [m].
         """
         self._figure.clear()
         axes = self._figure.add_subplot()

@@ -1,14 +1,14 @@
 """Hostile policies, which try to push the robot into a strict region with the full input.
 
-Your own one is an `Attack`, or any function s → u*. It is named ``module:name`` or
-``file.py:name`` wherever an attack is named, so that every process finds it.
+An attack of your own is an `Attack`, or any function s → u*. Its name is ``module:name`` or
+``file.py:name``, so that every process finds it.
 
 >>> class Spiral(Attack):
 ...     def act(self, s: Surroundings) -> Array:
-...         turn = np.array([np.cos(3.0 * s.time), np.sin(3.0 * s.time)])
-...         return full(0.5 * turn - s.normal[0])
->>> one = np.array([[1.0, 0.0]])
->>> s = Surroundings(np.zeros(2), np.zeros(2), np.array([0.3]), one, 0.0)
+...         circle = np.array([np.cos(3.0 * s.time), np.sin(3.0 * s.time)])
+...         return full(0.5 * circle - s.normal[0])
+>>> normal = np.array([[1.0, 0.0]])
+>>> s = Surroundings(np.zeros(2), np.zeros(2), np.array([0.3]), normal, 0.0)
 >>> Spiral(np.random.default_rng(0)).act(s)
 array([-5.,  0.])
 """
@@ -29,7 +29,7 @@ from hcbf_gym.errors import InvalidInputError, choose, finite_array
 from hcbf_gym.locomotion.gait import GAITS
 
 FULL = 5.0  # the limit of each input [m/s²]; the filter projects inputs that its U does not hold
-BEYOND = 1.0  # how much farther than the nearest piece of a map the observed others are [m]
+BEYOND = 1.0  # pieces of a map are observed if no more than this farther than the nearest [m]
 STREAM = 42  # makes an attack's random numbers differ from those of a scene of the same seed
 GAIT_PERIOD = GAITS["trot"].period
 """The period of the default trot [s], with which `GaitPhase` reverses."""
@@ -45,7 +45,7 @@ class View(Protocol):
 
     @property
     def corners(self) -> Array:
-        """(k, n_u) the corners of U."""
+        """(k, n_u) the corners of U, the set of inputs."""
         ...
 
     def corner(self, rng: np.random.Generator) -> Array:
@@ -60,8 +60,8 @@ class View(Protocol):
         Args:
             nearest: weight of the least strict h, h₁; a negative one moves away.
             second: weight of the second least, h₂.
-            sideways: weight of a motion along the edge, if the plant moves in a plane.
-            speed: of that motion, positive to the left of the region's outward normal [m/s].
+            sideways: weight of a motion along the region's edge, if the plant moves in a plane.
+            speed: the speed of that motion, positive to the left of the outward normal [m/s].
         """
         ...
 
@@ -96,8 +96,8 @@ class Surroundings:
         """Return the full input (2,) into the regions [m/s²]; see `View.push`."""
         inwards = -(nearest * self.normal[0] + second * self.second)
         along = _left(self.normal[0])
-        faster = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
-        return full(inwards + 3.0 * sideways * faster * along)
+        acceleration = np.clip(4.0 * (speed - self.velocity @ along) / FULL, -1.0, 1.0)
+        return full(inwards + 3.0 * sideways * acceleration * along)
 
 
 def observe(env: Any) -> Surroundings:
@@ -114,7 +114,8 @@ def observe(env: Any) -> Surroundings:
     shapes = [k for k in strict if (0, k) not in maps]
     observed = [(h[0, shapes], sensed[0, shapes, 1:3])]
     observed += [maps[0, k].near(x[0], BEYOND) for k in strict if (0, k) in maps]
-    distance, normal = (np.concatenate(part) for part in zip(*observed, strict=True))
+    distances, normals = zip(*observed, strict=True)
+    distance, normal = np.concatenate(distances), np.concatenate(normals)
     if not distance.size:
         raise InvalidInputError(
             f"attack: scene {inner.scenario.name!r} has no strict barrier on the position, "
@@ -131,6 +132,7 @@ def full(direction: Array) -> Array:
 
 
 def _left(normal: Array) -> Array:
+    """Return the unit vector (2,) along a region's edge, to the left of its normal (2,)."""
     return np.array([-normal[1], normal[0]])
 
 
@@ -139,7 +141,7 @@ class Attack:
     """A hostile policy s → u*."""
 
     rng: np.random.Generator  # the source of its random choices
-    until: float = field(default=-1.0, init=False)  # how long the present choice is held [s]
+    until: float = field(default=-1.0, init=False)  # the time at which the choice ends [s]
     choice: Any = field(default=None, init=False)  # the present random choice
 
     def act(self, s: Any) -> Array:
@@ -147,7 +149,7 @@ class Attack:
         raise NotImplementedError
 
     def draw(self, s: View, low: float, high: float, pick: Callable[[], Any]) -> Any:
-        """Return a choice of `pick`, which is held for a random time from `low` to `high` [s]."""
+        """Return the newest choice of `pick`; each is held for a random time in [low, high] [s]."""
         if s.time >= self.until:
             self.until, self.choice = s.time + self.rng.uniform(low, high), pick()
         return self.choice
@@ -171,8 +173,8 @@ class Wandering(Attack):
     """Takes random mixtures of the corners of U, and holds each for 0.2 to 1 s; not hostile."""
 
     def act(self, s: View) -> Array:
-        ones = np.ones(len(s.corners))
-        return self.draw(s, 0.2, 1.0, lambda: self.rng.dirichlet(ones) @ s.corners)
+        uniform = np.ones(len(s.corners))
+        return self.draw(s, 0.2, 1.0, lambda: self.rng.dirichlet(uniform) @ s.corners)
 
 
 class Rotating(Attack):
@@ -196,28 +198,28 @@ class Edge(Attack):
     def act(self, s: Surroundings) -> Array:
         side = self.draw(s, 0.3, 1.5, lambda: self.rng.choice([-1.0, 1.0]))
         along = _left(s.normal[0])
-        faster = 10.0 * (1.6 * side - s.velocity @ along)
-        return np.clip(faster * along - FULL * s.normal[0], -FULL, FULL)
+        acceleration = 10.0 * (1.6 * side - s.velocity @ along)
+        return np.clip(acceleration * along - FULL * s.normal[0], -FULL, FULL)
 
 
 class GaitPhase(Attack):
     """Presses against the nearest region, and reverses sideways with half periods of the gait."""
 
     def act(self, s: Surroundings) -> Array:
-        half = np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0
-        return full(-s.normal[0] + (2.0 * half - 1.0) * _left(s.normal[0]))
+        side = 2.0 * (np.floor(2.0 * s.time / GAIT_PERIOD) % 2.0) - 1.0  # −1 or 1
+        return full(-s.normal[0] + side * _left(s.normal[0]))
 
 
 class Slam(Attack):
     """Backs off from the nearest region and then drives into it, each for a random time."""
 
     def act(self, s: View) -> Array:
-        sign = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
-        return s.push(-sign)
+        away = self.draw(s, 0.4, 1.2, lambda: -1.0 if self.choice == 1.0 else 1.0)
+        return s.push(-away)
 
 
 PARAMETERS = ("second", "sideways", "period", "jitter", "speed", "back")
-"""The names of the numbers of `Searched`, each in [0, 1]."""
+"""The names of the parameters of `Searched`, each in [0, 1]."""
 
 
 @dataclass
@@ -225,7 +227,6 @@ class Searched(Attack):
     """An attack with six numbers in [0, 1], which a search sets.
 
     Args:
-        rng: the source of its random choices.
         parameters: (6,) weight of the second region, weight of the motion along the edge, period of
             reversals, their jitter, speed along the edge, share of time in which it backs off.
     """
@@ -234,17 +235,17 @@ class Searched(Attack):
 
     def act(self, s: View) -> Array:
         second, sideways, period, jitter, speed, back = self.parameters
-        length = 0.1 + 1.9 * period
-        low, high = length * (1.0 - 0.9 * jitter), length * (1.0 + 0.9 * jitter)
-        reversed_ = -self.choice[0] if self.choice is not None else 1.0
-        sign, away = self.draw(s, low, high, lambda: (reversed_, self.rng.random() < 0.6 * back))
-        press = -1.0 if away else 1.0
-        return s.push(press, press * second, sideways, 2.0 * speed * sign)
+        mean_time = 0.1 + 1.9 * period  # between reversals [s]
+        low, high = mean_time * (1.0 - 0.9 * jitter), mean_time * (1.0 + 0.9 * jitter)
+        flipped = 1.0 if self.choice is None else -self.choice[0]
+        side, backs_off = self.draw(s, low, high, lambda: (flipped, self.rng.random() < 0.6 * back))
+        press = -1.0 if backs_off else 1.0
+        return s.push(press, press * second, sideways, 2.0 * speed * side)
 
 
 TRAINED = Path(__file__).with_name("trained_attack.json")
-"""The parameters of `Trained`, with the command that made them."""
-N_TRAINED = 20  # the number of these parameters
+"""The file of the default parameters of `Trained`, with the command that made them."""
+N_TRAINED = 20  # the number of parameters of `Trained`
 
 
 @cache
@@ -264,9 +265,8 @@ class Trained(Attack):
     where n₂ points towards the second nearest region and the last sign changes at random.
 
     Args:
-        rng: the source of its random choices.
         parameters: (20,) W row by row, log₂ of the period T [s] and of the mean time between
-            changes of the sign [s]; the default are those in `TRAINED`.
+            changes of the sign [s]; by default those in `TRAINED`.
     """
 
     parameters: tuple[float, ...] = field(default_factory=_trained)
@@ -276,9 +276,9 @@ class Trained(Attack):
         period, hold = np.exp2(np.clip(self.parameters[18:], -3.0, 3.0))
         sign = self.draw(s, 0.5 * hold, 1.5 * hold, lambda: self.rng.choice([-1.0, 1.0]))
         axes = np.array([-s.normal[0], _left(s.normal[0])])
-        beyond = s.h[1] - s.h[0] if len(s.h) > 1 else np.inf
+        farther = s.h[1] - s.h[0] if len(s.h) > 1 else np.inf  # the second nearest region
         features = np.array([
-            1.0, np.tanh(s.h[0] / 0.3), np.tanh(beyond / 0.3), *(axes @ s.velocity),
+            1.0, np.tanh(s.h[0] / 0.3), np.tanh(farther / 0.3), *(axes @ s.velocity),
             *(axes @ -s.second), np.cos(2.0 * np.pi * s.time / period), sign,
         ])  # fmt: skip
         return full(weights @ features @ axes)
@@ -322,8 +322,8 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
     Args:
         name: one of `ATTACKS` or `ON_ANY_MODEL`; "searched" with parameters; or ``module:name`` or
             ``file.py:name`` of an `Attack`, or of a function s → u*.
-        seed: of its random choices.
-        parameters: those of `Searched`, or others than the trained ones of `Trained`.
+        seed: seeds its random choices.
+        parameters: those of `Searched`, or other ones than the default of `Trained`.
 
     Raises:
         InvalidInputError: if there is no such attack.
@@ -340,7 +340,9 @@ def make(name: str, seed: int, parameters: tuple[float, ...] | None = None) -> A
 
 
 def is_attack(name: str) -> bool:
-    """Return whether a name is that of an attack; a function of two arguments is a policy.
+    """Return whether a name is that of an attack rather than of a policy.
+
+    A function s → u* of one argument is an attack; one of two arguments is a policy.
 
     Raises:
         InvalidInputError: if the name is that of a function that does not exist.

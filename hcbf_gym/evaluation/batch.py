@@ -13,17 +13,17 @@ from hcbf_gym.policies import Policy
 
 
 class BatchEpisodes(NamedTuple):
-    """N episodes, k + 1 states and k steps; k is the length of the longest."""
+    """The records of N episodes with m barriers, of which the longest has k steps."""
 
     time: Array  # (k + 1,) [s]
     position: Array  # (k + 1, N, 2) [m]
     h: Array  # (k + 1, N, m) barrier values at the control times
-    min_h: Array  # (N, m) their least values over all physics steps
+    min_h: Array  # (N, m) the least barrier values over all physics steps
     tracking_error: Array  # (k + 1, N) ‖p_ref − p‖ [m]
     reward: Array  # (k, N), zero after an episode's end
     intervention: Array  # (k, N) ‖u − u*‖ [m/s²]; zero after an episode's end and without a filter
-    delta: Array  # (k, N, m) the program's own relaxation [m/s²], zero in the same places
-    deadlock: Mask  # (k, N) whether the robot stood though u* requested motion
+    delta: Array  # (k, N, m) the program's own relaxation [m/s²], zero as `intervention` is
+    deadlock: Mask  # (k, N) whether the robot was at rest though u* requested motion
     running: Mask  # (k, N) whether the step belongs to the episode
     terminated: Mask  # (N,) whether the episode terminated: in a "reach" scene, at the goal
 
@@ -56,40 +56,47 @@ def rollout_batch(
     Args:
         env: native environments of this package with ``autoreset_mode="Disabled"``, filtered or
             not.
-        policy: acts on all of them at once.
-        seed: of the first environment, or of each.
+        policy: returns the inputs (N, 2) of all environments at once.
+        seed: the seed of the first environment, or those of all.
     """
     inner: Any = env.unwrapped
-    observed = samples(env, in_double(policy), seed)
-    info = next(observed).info
+    episode = samples(env, in_double(policy), seed)
+    info = next(episode).info
     n, m = info["h"].shape
-    idle = {"intervention": np.zeros(n), "delta": np.zeros((n, m))}
-    alive, terminated_itself = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    least = info["min_h"].copy()
+    without_filter = {"intervention": np.zeros(n), "delta": np.zeros((n, m))}
+    is_running, has_terminated = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    min_h = info["min_h"].copy()
     position = [inner.rom_state[:, :2]]
     h = [info["h"]]
     error = [info["tracking_error"]]
     reward, intervention, delta, deadlock, running = [], [], [], [], []
     radius = inner.scenes[0].goal_radius
-    while alive.any():
-        _, info, u, gained, terminated, truncated = next(observed)
-        filtered = info.get("safety_filter", idle)
+    while is_running.any():
+        _, info, u, step_reward, terminated, truncated = next(episode)
+        report = info.get("safety_filter", without_filter)
         position.append(inner.rom_state[:, :2])
         h.append(info["h"])
         error.append(info["tracking_error"])
-        reward.append(np.where(alive, gained, 0.0))
-        intervention.append(np.where(alive, filtered["intervention"], 0.0))
-        delta.append(np.where(alive[:, None], filtered["delta"], 0.0))
-        stands = deadlocked(inner.rom_state[:, 2:], u, info["tracking_error"], radius)
-        deadlock.append(alive & stands)
-        running.append(alive.copy())
-        least[alive] = np.minimum(least, info["min_h"])[alive]
-        terminated_itself |= alive & terminated
-        alive &= ~(terminated | truncated)
+        reward.append(np.where(is_running, step_reward, 0.0))
+        intervention.append(np.where(is_running, report["intervention"], 0.0))
+        delta.append(np.where(is_running[:, None], report["delta"], 0.0))
+        is_deadlocked = deadlocked(inner.rom_state[:, 2:], u, info["tracking_error"], radius)
+        deadlock.append(is_running & is_deadlocked)
+        running.append(is_running.copy())
+        min_h[is_running] = np.minimum(min_h, info["min_h"])[is_running]
+        has_terminated |= is_running & terminated
+        is_running &= ~(terminated | truncated)
     env.close()
-    time = CONTROL_DT * np.arange(len(h), dtype=np.float64)
     return BatchEpisodes(
-        time, np.array(position), np.array(h), least, np.array(error), np.array(reward),
-        np.array(intervention), np.array(delta), np.array(deadlock), np.array(running),
-        terminated_itself,
-    )  # fmt: skip
+        time=CONTROL_DT * np.arange(len(h), dtype=np.float64),
+        position=np.array(position),
+        h=np.array(h),
+        min_h=min_h,
+        tracking_error=np.array(error),
+        reward=np.array(reward),
+        intervention=np.array(intervention),
+        delta=np.array(delta),
+        deadlock=np.array(deadlock),
+        running=np.array(running),
+        terminated=has_terminated,
+    )

@@ -13,8 +13,7 @@ The same command resumes an interrupted run.
 import itertools
 import shutil
 import warnings
-from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -37,43 +36,36 @@ from hcbf_gym.errors import (
     warned_once,
 )
 from hcbf_gym.evaluation import environments, own_environment
+from hcbf_gym.evaluation.comparison import column_names, comparison
 from hcbf_gym.evaluation.environments import Known
 from hcbf_gym.evaluation.episode import samples
-from hcbf_gym.evaluation.episode_plot import plot_episode, plot_paths, plot_series
+from hcbf_gym.evaluation.episode_plot import LabelledEpisodes, plot_episode, plot_paths, plot_series
 from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, free_folder, open_folder, write_json
 from hcbf_gym.evaluation.recorded import Episode
-from hcbf_gym.evaluation.rollouts import (
-    SHOWN_OPTIONS,
-    UNFILTERED,
-    Case,
-    aggregate,
-    evaluate,
-    shown_program,
-)
-from hcbf_gym.evaluation.sentences import sentences, unit_of
-from hcbf_gym.evaluation.statistics import BOUNDED, INTERVAL, counted
-from hcbf_gym.evaluation.tables import Table
+from hcbf_gym.evaluation.rollouts import SHOWN_OPTIONS, UNFILTERED, Case, aggregate, evaluate
+from hcbf_gym.evaluation.sentences import sentences
+from hcbf_gym.evaluation.statistics import INTERVAL
 from hcbf_gym.evaluation.top_film import film
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.sources import sources_hash
 
 RESUMED = "the same command resumes this run"  # printed after Ctrl-C
-OUTPUT = Path("results/evaluate")
-FEW = 10  # with fewer episodes a bound on entering would be near 1, and the table has none
+OUTPUT = Path("results/evaluate")  # the default folder
 COLUMNS = 5  # pairs of policy and program beside each other in one table
-OWN_STEPS = 500  # the most steps of an episode of a user's environment, by default
+OWN_MAX_STEPS = 500  # the most steps of an episode of a user's environment, by default
+FILM_MAX_STEPS = 1000  # the most steps of a filmed episode of this package, by default
 
 
 @dataclass(frozen=True)
 class Args:
-    """What to evaluate; several policies and programs make a table of all their pairs."""
+    """The evaluation; several policies and programs make a table of all their pairs."""
 
     env: str = "HCBF-A1Regions-v0"
     """HCBF-A1Regions-v0, HCBF-Regions-v0 (the reduced-order model alone), HCBF-WalkerRegions-v0 (a
     robot that takes velocities), or FILE.py:FUNCTION, which returns (environment, plant)."""
     robot: str = "cart"
-    """Of HCBF-WalkerRegions-v0: a contract's path or a name."""
+    """Robot of HCBF-WalkerRegions-v0: a contract's path or a name."""
     scenario: str = "trolley"
     """A name from hcbf_gym.scenarios.names(), a JSON file's path, or FILE.py:FAMILY of your own."""
     map: Path | None = None
@@ -129,12 +121,12 @@ class Args:
 
     @property
     def known(self) -> Known:
-        """What is known of the environment; nothing of a user's own."""
+        """The facts about the environment; a user's own has none."""
         return environments.known().get(self.env, Known(None))
 
     @property
     def env_options(self) -> dict[str, Any]:
-        """Further arguments of the environment."""
+        """The environment's own arguments, besides the scene."""
         return {name: getattr(self, name) for name in self.known.options}
 
 
@@ -144,7 +136,7 @@ def main(args: Args) -> None:
     scene = scenarios.on_map(args.map, args.masks, args.slow, args.scenario)
     if not args.own:
         scenarios.make(scene)
-    pairs = dict.fromkeys(itertools.product(args.policy, args.program))  # one named twice is one
+    pairs = dict.fromkeys(itertools.product(args.policy, args.program))  # each of them once
     cases = [_case(args, scene, *pair) for pair in pairs]
     if args.output is not None:
         check_folder(args.output, _settings(args, _files(args)), args.overwrite)
@@ -159,93 +151,87 @@ def main(args: Args) -> None:
 
 
 def _run(args: Args, cases: Sequence[Case]) -> None:
-    """Run every case, and write the summary, figures, films and tables."""
+    """Run every case, write the summary, figures and films, and print the tables."""
     files, seeds = _files(args), range(args.seed, args.seed + args.episodes)
     settings = _settings(args, files)
     output = args.output or OUTPUT
     if args.output is None and not args.overwrite:
         output = free_folder(OUTPUT, settings)
     open_folder(output, settings, args.overwrite)
-    finished = output / "episodes"
-    runs = Runs(finished, args.workers, args.backend)
-    episodes = evaluate(cases, seeds, runs, "episodes", files)
-    summaries: dict[tuple[str, str, int], dict[str, Any]] = {}
-    shown: dict[tuple[str, str], Episode] = {}
-    for case, seed, episode in episodes:
-        label = case.label() | {"seed": seed}
-        summaries[case.policy, case.program, seed] = label | episode.summary()
+    jobs_folder = output / "episodes"  # deleted at the end; an interrupted run resumes from it
+    runs = Runs(jobs_folder, args.workers, args.backend)
+    summary_of: dict[tuple[str, str, int], dict[str, Any]] = {}
+    first_of: dict[tuple[str, str], Episode] = {}
+    for case, seed, episode in evaluate(cases, seeds, runs, "episodes", files):
+        summary = case.label() | {"seed": seed} | episode.summary()
+        summary_of[case.policy, case.program, seed] = summary
         if seed == args.seed:
-            shown[case.policy, case.program] = episode
+            first_of[case.policy, case.program] = episode
+    # episodes come as they finish; the results have the order of the cases
     pairs = [(case.policy, case.program) for case in cases]
-    listed = [summaries[*pair, seed] for pair in pairs for seed in seeds]
-    rows = aggregate(listed)
-    first_episodes = {pair: shown[pair] for pair in pairs}
+    summaries = [summary_of[*pair, seed] for pair in pairs for seed in seeds]
+    first_episodes = {pair: first_of[pair] for pair in pairs}
     example = first_episodes[pairs[0]]
-    ranks = example.priority.tolist()
-    conditions = [Condition(*one) for one in zip(example.names, ranks, strict=True)]
+    conditions = list(map(Condition, example.names, example.priority.tolist()))
+    rows = aggregate(summaries)
     write_json(output / "summary.json", {
         "environment": args.env,
         "robot": args.env_options.get("robot", args.known.robot),
         "settings": settings,
         "seeds": [args.seed, args.seed + args.episodes - 1],
         "interval": INTERVAL,
-        "barriers": [{"name": one.name, "priority": one.rank} for one in conditions],
-        "episodes": listed,
+        "barriers": [{"name": name, "priority": rank} for name, rank in conditions],
+        "episodes": summaries,
         "aggregate": rows,
     })  # fmt: skip
-    written = _draw(args, output, cases[0], first_episodes)
-    shutil.rmtree(finished)
-    console, labels = Console(), column_names(rows)
-    _print_tables(console, rows, conditions, labels, len(set(args.program)))
+    written = ["summary.json", *_draw(args, output, cases[0], first_episodes)]
+    shutil.rmtree(jobs_folder)
+    console, columns = Console(), column_names(rows)
+    _print_tables(rows, conditions, columns)
     for case in cases:
         if args.video:
-            written.append(_record(case, args, output))
+            written.append(_film(case, args, output))
         if args.snapshot is not None:
             _take_snapshot(case, args, args.snapshot, output)
-    for row, label in zip(rows, labels, strict=True):
-        text = f"{label.replace(chr(10), ', ')}: {' '.join(sentences(row, conditions))}"
+    for row, column in zip(rows, columns, strict=True):
+        pair = column.replace("\n", ", ")
+        text = f"{pair}: {' '.join(sentences(row, conditions))}"
         console.print(text, soft_wrap=True, highlight=False)
     console.print(f"written to {output}: {', '.join([records.SETTINGS, *written])}", soft_wrap=True)
 
 
 def _print_tables(
-    console: Console,
-    rows: list[dict[str, Any]],
-    conditions: Sequence[Condition],
-    labels: Sequence[str],
-    programs_of_policy: int,
+    rows: list[dict[str, Any]], conditions: Sequence[Condition], columns: Sequence[str]
 ) -> None:
-    """Print the rows in tables of `COLUMNS`, in which the programs of a policy stay together."""
-    columns = COLUMNS // programs_of_policy * programs_of_policy or COLUMNS
-    for start in range(0, len(rows), columns):
-        part = slice(start, start + columns)
-        console.print(comparison(rows[part], conditions, labels[part]).rich())
+    """Print the pairs as columns of tables, of which none separates the programs of a policy."""
+    n_programs = len({row["program"] for row in rows})
+    width = COLUMNS // n_programs * n_programs or COLUMNS
+    for start in range(0, len(rows), width):
+        part = slice(start, start + width)
+        Console().print(comparison(rows[part], conditions, columns[part]).rich())
 
 
 def _check(args: Args) -> None:
-    """Refuse arguments that do not fit each other."""
+    """Refuse arguments that contradict each other, or that the environment does not take."""
     Runs(None, args.workers, args.backend).check()
-    if not (args.own or args.env in environments.known()):
+    known = environments.known()
+    if not (args.own or args.env in known):
         raise UnknownNameError(
-            f"unknown environment: got {args.env!r}, expected one of {list(environments.known())}, "
+            f"unknown environment: got {args.env!r}, expected one of {list(known)}, "
             "file.py:function or module:function"
         )
     for name in ("robot", "body", "intentions"):
-        takes = [env for env, one in environments.known().items() if name in one.options]
-        value = getattr(args, name)
-        if value != getattr(Args, name) and args.env not in takes:
+        accepting = [env for env, facts in known.items() if name in facts.options]
+        if _is_given(args, name) and args.env not in accepting:
             raise InvalidInputError(
-                f"--{name}: got {value!r} with {args.env}, expected --env {' or '.join(takes)}"
+                f"--{name}: got {getattr(args, name)!r} with {args.env}, "
+                f"expected --env {' or '.join(accepting)}"
             )
-    given = [
-        name
-        for name in ("map", "scenario", "v_max", "snapshot")
-        if getattr(args, name) != getattr(Args, name)
-    ]
-    if {"map", "scenario"} <= {*given}:
+    if _is_given(args, "map") and _is_given(args, "scenario"):
         raise InvalidInputError(
             f"--scenario: got {args.scenario!r} with --map {args.map}, expected one of them"
         )
+    given = [n for n in ("map", "scenario", "v_max", "snapshot") if _is_given(args, n)]
     if args.own and given:
         raise InvalidInputError(
             f"evaluate: got {', '.join(given)} with {args.env}, whose plant decides all that"
@@ -261,20 +247,25 @@ def _check(args: Args) -> None:
         require("--video", "video", "moviepy")
 
 
+def _is_given(args: Args, name: str) -> bool:
+    """Return whether an argument differs from its default."""
+    return getattr(args, name) != getattr(Args, name)
+
+
 def _settings(args: Args, files: Sequence[Path]) -> dict[str, object]:
-    """Return all that decides a run: arguments, hashes of the user's files, and versions."""
+    """Return all that decides the results: arguments, hashes of the user's files, versions."""
     left_out = {"workers", "backend", "output", "overwrite", "figures", "video", "snapshot"}
     if "robot" not in args.known.options:
         left_out.add("robot")  # this environment has one robot
-    given = {name: value for name, value in asdict(args).items() if name not in left_out}
-    decided = {"files": sources_hash(list(files)) if files else "", "versions": versions()}
-    return records.plain(given) | decided
+    deciding = {name: value for name, value in asdict(args).items() if name not in left_out}
+    files_hash = sources_hash(list(files)) if files else ""
+    return records.plain(deciding) | {"files": files_hash, "versions": versions()}
 
 
 def _files(args: Args) -> list[Path]:
     """Return the user's own files that decide the episodes."""
-    given = (args.scenario, args.map or "", *args.masks, *args.slow)
-    files = [file for file in map(Path, given) if file.is_file()]
+    arguments = (args.scenario, args.map or "", *args.masks, *args.slow)
+    files = [file for file in map(Path, arguments) if file.is_file()]
     family = scenarios.family_of(args.scenario)
     files += [] if family is None else family.files
     files += [file for name in args.policy for file in policies.files(name)]
@@ -285,115 +276,45 @@ def _files(args: Args) -> list[Path]:
 
 
 def _case(args: Args, scene: Any, policy: str, program: str) -> Case:
-    """Return the case of one policy and one program, with the options that the program takes."""
+    """Return the case of one policy and one program, with the options that the program accepts."""
     options: dict[str, object] | None = None
     if program != UNFILTERED:
         accepted = programs.options(program)
-        options = {k: v for k, v in SHOWN_OPTIONS.get(program, {}).items() if k in accepted}
-        given = {"gamma0": args.gamma0, "delta_gamma": args.delta_gamma}
-        options |= {k: v for k, v in given.items() if v is not None and k in accepted}
+        weights = {"gamma0": args.gamma0, "delta_gamma": args.delta_gamma}
+        given = {name: weight for name, weight in weights.items() if weight is not None}
+        defaults = SHOWN_OPTIONS.get(program, {})
+        options = {k: v for k, v in (defaults | given).items() if k in accepted}
         options["guidance"] = args.guidance
     if args.own:
-        steps = OWN_STEPS if args.steps is None else args.steps
+        steps = OWN_MAX_STEPS if args.steps is None else args.steps
         return Case(args.env, scene, policy, program, options, steps=steps)
     env_options = args.env_options
     v_max = None if "v_max" in env_options else args.v_max
     return Case(args.env, scene, policy, program, options, env_options, v_max, args.steps)
 
 
-def _draw(
-    args: Args, output: Path, case: Case, shown: Mapping[tuple[str, str], Episode]
-) -> list[str]:
-    """Draw the first episodes; return the names of the files written: summary.json, figures."""
-    written = ["summary.json"]
+def _draw(args: Args, output: Path, case: Case, first_episodes: LabelledEpisodes) -> list[str]:
+    """Draw the first episode of each pair, and return the names of the figures' files."""
     if args.own:
         barriers = own_environment.barriers_of(args.env, args.seed)
-        for (policy, program), episode in shown.items():
+        names = []
+        for (policy, program), episode in first_episodes.items():
             name = f"episode-{_file_name(policy, args.policy)}-{program}.{args.figures}"
             plot_episode(episode, barriers, f"{policy}, {program}").savefig(output / name)
-            written.append(name)
-        return written
+            names.append(name)
+        return names
     env = case.make(seed=args.seed)
     inner: Any = env.unwrapped
-    env.reset(seed=args.seed)
+    env.reset(seed=args.seed)  # which draws a random scene
     paths, series = f"paths.{args.figures}", f"series.{args.figures}"
-    plot_paths(inner.scenario, shown).savefig(output / paths)
-    plot_series(shown).savefig(output / series)
+    plot_paths(inner.scenario, first_episodes).savefig(output / paths)
+    plot_series(first_episodes).savefig(output / series)
     env.close()
-    return [*written, paths, series]
+    return [paths, series]
 
 
-def column_names(rows: list[dict[str, Any]]) -> list[str]:
-    """Return the titles of columns: policy and program, or the program if there is one policy."""
-    programs = [shown_program(row["program"]) for row in rows]
-    if len({row["policy"] for row in rows}) == 1:
-        return programs
-    return [f"{row['policy']}\n{program}" for row, program in zip(rows, programs, strict=True)]
-
-
-def comparison(
-    rows: list[dict[str, Any]], conditions: Sequence[Condition], header: Sequence[str]
-) -> Table:
-    """Return a table with a column for each pair of policy and program.
-
-    Args:
-        rows: as `aggregate` returns them, all of one environment and scene.
-        conditions: of the scene.
-        header: the titles of the columns.
-    """
-    cells: list[tuple[str, ...]] = []
-    for k, (name, rank) in enumerate(conditions):
-        title = f"{name} (rank {rank}): min h [{unit_of(name)}]"
-        cells.append((title, *(f"{row['min_h'][k]:+.3f}" for row in rows)))
-        cells.append(("time below 0 [s]", *(f"{row['violation_seconds'][k]:.2f}" for row in rows)))
-    track = rows[0].get("task") == "track"
-    for title, key, form in (
-        ("tracking error, RMS [m]", "tracking_rms", ".3f"),
-        ("final error [m]", "final_error", ".3f"),
-        ("‖u − u*‖, RMS [m/s²]", "intervention_rms", ".2f"),
-        ("return (rewards tracking alone)" if track else "return", "return", ".2f"),
-        ("episodes that fell", "fell", ".0%"),
-        ("episodes that reached the goal", "reached", ".0%"),
-        ("time to the goal [s]", "seconds_to_goal", ".2f"),
-        ("time standing though u* wants to move", "deadlock_share", ".0%"),
-    ):
-        if key in rows[0]:
-            cells.append((title, *(_cell(row, key, form) for row in rows)))
-    n = rows[0]["episodes"]
-    if n > 1:
-        title = "episodes that entered a strict region"
-        bounded = n >= FEW
-        entered = [counted(row["entered"], n) if bounded else str(row["entered"]) for row in rows]
-        cells.append((f"{title} ({BOUNDED})" if bounded else title, *entered))
-    cells += [
-        (
-            f"steps with status {status}",
-            *(
-                "–" if row["program"] == UNFILTERED else str(row["status_counts"][status])
-                for row in rows
-            ),
-        )
-        for status in ("VIOLATED", "UNSAFE", "BACKUP")
-    ]
-    policies = ", ".join(dict.fromkeys(row["policy"] for row in rows))
-    title = f"{rows[0]['env']}, {rows[0]['scenario']}, {policies}, {n} episode{'s' * (n > 1)} each"
-    return Table(f"{title}; [{INTERVAL:.0%} interval]" if n > 1 else title, ("", *header), cells)
-
-
-def _cell(row: Mapping[str, Any], key: str, form: str) -> str:
-    """Return a figure as text, with its interval if there is one; a dash if it is not known."""
-    value, interval = row[key], row.get("intervals", {}).get(key)
-    if value is None:
-        return "–"
-    text = format(value, form)
-    if interval is None or row["episodes"] == 1:
-        return text
-    low, high = (format(end, ".1%" if form == ".0%" else form) for end in interval)
-    return f"{format(value, '.1%' if form == '.0%' else form)} [{low}, {high}]"
-
-
-def _record(case: Case, args: Args, output: Path) -> str:
-    """Film the first episode of a case, and return the name of the film."""
+def _film(case: Case, args: Args, output: Path) -> str:
+    """Film the first episode of a case, and return the name of the film or of its folder."""
     name = f"{_file_name(case.policy, args.policy)}-{case.program}"
     folder = output / "video" / name
     if args.own:
@@ -407,10 +328,10 @@ def _record(case: Case, args: Args, output: Path) -> str:
         episode_trigger=lambda _: True,
         disable_logger=True,
     )
-    walk = samples(env, policies.make(case.policy, env), args.seed)
-    most = 1000 if case.steps is None else case.steps
-    for _ in track(itertools.islice(walk, most + 1), f"filming {name}", total=most + 1):
-        pass
+    episode = samples(env, policies.make(case.policy, env), args.seed)
+    count = 1 + (FILM_MAX_STEPS if case.steps is None else case.steps)  # the reset is a sample, too
+    for _ in track(itertools.islice(episode, count), f"filming {name}", total=count):
+        pass  # the wrapper records each step
     env.close()
     return f"video/{name}"
 
@@ -418,25 +339,28 @@ def _record(case: Case, args: Args, output: Path) -> str:
 def _take_snapshot(case: Case, args: Args, time: float, output: Path) -> None:
     """Save a frame of the first episode of a case at a time [s]."""
     env = case.make(render_mode="rgb_array", seed=args.seed)
-    walk = samples(env, policies.make(case.policy, env), args.seed)
-    deque(itertools.islice(walk, 1 + round(time / CONTROL_DT)), maxlen=0)
+    episode = samples(env, policies.make(case.policy, env), args.seed)
+    for _ in itertools.islice(episode, 1 + round(time / CONTROL_DT)):
+        pass
     path = output / f"snapshot-{_file_name(case.policy, args.policy)}-{case.program}.png"
     imsave(path, np.asarray(env.render()))
     env.close()
 
 
-def _file_name(policy: str, beside: Sequence[str]) -> str:
-    """Return a policy's name for the name of a file, without folders and endings.
+def _file_name(policy: str, policies_of_run: Sequence[str]) -> str:
+    """Return a policy's name for the names of its files, without folders and endings.
 
-    Of those `beside` it with the same the second is numbered 2, and so on.
+    Policies of the same such name, as of a.py:act in two folders, are numbered from the second on.
     """
-    same = [one for one in dict.fromkeys(beside) if _stem(one) == _stem(policy)]
-    number = same.index(policy)
-    return f"{_stem(policy)}-{number + 1}" if number else _stem(policy)
+    stem = _stem(policy)
+    namesakes = [other for other in dict.fromkeys(policies_of_run) if _stem(other) == stem]
+    number = 1 + namesakes.index(policy)
+    return stem if number == 1 else f"{stem}-{number}"
 
 
 def _stem(policy: str) -> str:
-    where, _, function = policy.rpartition(":")
-    if not where:
-        return Path(policy).stem if policies.is_own(policy) else policy
-    return f"{Path(where).stem if where.endswith('.py') else where}-{function}"
+    """Return a policy's name without folder and ending: "a-act" for x/a.py:act."""
+    module, _, function = policy.rpartition(":")
+    if module:
+        return f"{Path(module).stem if module.endswith('.py') else module}-{function}"
+    return Path(policy).stem if policies.is_own(policy) else policy

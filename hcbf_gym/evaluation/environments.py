@@ -1,4 +1,4 @@
-"""Environments by id, with what commands ask of them; a package of robots registers its own."""
+"""The environments that commands accept, by id; packages of robots register theirs."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -9,25 +9,25 @@ from hcbf_gym.errors import InvalidInputError
 
 
 class Known(NamedTuple):
-    """What commands know of an environment."""
+    """Facts about an environment that commands need before it is made."""
 
-    robot: str | None  # what moves in it; None where the argument `robot` decides
-    options: tuple[str, ...] = ()  # those arguments of `hcbf evaluate` that the environment takes
-    # (arguments of the environment) → the user's files that decide what it does
-    files: Callable[[Mapping[str, Any]], list[Path]] = lambda options: []
+    robot: str | None  # its name in summaries; None where the argument `robot` decides
+    options: tuple[str, ...] = ()  # the arguments of `hcbf evaluate` that the environment takes
+    # (the environment's arguments) → the user's files that decide its episodes
+    files: Callable[[Mapping[str, Any]], list[Path]] = lambda env_options: []
 
 
 _ENVIRONMENTS: dict[str, Known] = {}
 
 
 def known() -> dict[str, Known]:
-    """Return id → what commands know of it, those of installed packages included."""
+    """Return id → the facts about each registered environment, also of installed plugins."""
     plugins.load()
     return _ENVIRONMENTS
 
 
 def register(env: str, facts: Known) -> None:
-    """Add an environment of Gymnasium's registry, which takes `scenario` and `render_mode`.
+    """Let commands accept the id of an environment, which takes `scenario` and `render_mode`.
 
     Raises:
         InvalidInputError: if the id is taken.

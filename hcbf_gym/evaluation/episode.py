@@ -1,4 +1,4 @@
-"""The one loop of an episode; what records, judges or films one iterates over it."""
+"""The loop of an episode, over which recorders, judges and films iterate."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -8,13 +8,13 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Info
 
-Act = Callable[[Any, Info], Any]  # (observation, info) → action; of N environments, for all of them
+Act = Callable[[Any, Info], Any]  # (observation, info) → action, or those of N environments
 
 
 class Sample(NamedTuple):
-    """What an environment returned at its reset or after a step; of N environments with N entries.
+    """The values that an environment returned at its reset or after a step.
 
-    `action` is None at the reset.
+    Those of a vector environment have N entries. `action` is None at the reset.
     """
 
     observation: Any
@@ -31,7 +31,7 @@ class Sample(NamedTuple):
 
 
 def in_double(policy: Act) -> Callable[..., Array]:
-    """Return a policy whose inputs have 64 bits, whatever it computes with."""
+    """Return the policy with its inputs as float64, in which environments compute."""
     return lambda observation, info: np.asarray(policy(observation, info), dtype=np.float64)
 
 
@@ -47,10 +47,10 @@ def samples(
     two steps, and may stop at any.
 
     Args:
-        env: single, or a vector environment that does not reset itself.
+        env: an environment, or a vector environment that does not reset itself.
         act: (observation, info) → action.
-        seed: of the reset; of a vector environment one or many.
-        options: of the reset.
+        seed: the seed of the reset, or one for each of a vector environment's.
+        options: the options of the reset.
     """
     observation, info = env.reset(seed=seed, options=None if options is None else dict(options))
     sample = Sample(observation, info)

@@ -1,7 +1,7 @@
 """A function over many jobs, by processes or on a Ray cluster, so that no finished job is lost.
 
-Each result is saved as soon as its job has finished. A job whose worker or node died runs again;
-the same call, made again, runs what is missing. `docs/cluster.md` explains how a cluster is found.
+Each result is saved as soon as its job has finished. A job whose worker or node died runs again,
+and the same call, made again, runs the missing jobs. `docs/cluster.md` describes Ray clusters.
 
 >>> from tempfile import TemporaryDirectory
 >>> with TemporaryDirectory() as folder:
@@ -38,11 +38,11 @@ from hcbf_gym.opened import MISSING, content
 from hcbf_gym.records import make_folder, whole
 from hcbf_gym.sources import of_user, sources_hash
 
-PRINTED_EVERY = 15.0  # where no terminal shows the progress, it is printed [s]
-COMPUTING = ("numpy", "scipy", "mujoco", "gymnasium")
-"""Whose versions decide the bits of an episode."""
-ATTEMPTS = 5  # how often a job runs whose worker dies, before it is given up
+PRINTED_EVERY = 15.0  # [s] between two lines of progress, where no terminal shows a bar
+COMPUTING = ("numpy", "scipy", "mujoco", "gymnasium")  # their versions decide an episode's bits
+ATTEMPTS = 5  # a job is given up after its worker has died so often
 REPEATED = 10  # one of so many saved jobs is repeated
+_NO_JOB = -1  # in the place of a job's number
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -50,7 +50,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Runs:
-    """How the jobs of a study run."""
+    """Where the jobs of a study run, and where their results are saved."""
 
     folder: Path | None = None  # where results are saved; None to save nothing
     workers: int | None = None  # jobs that run at once; None for as many as the backend has CPUs
@@ -74,41 +74,40 @@ class Runs:
         plant: str = "",
         repeat: bool = False,
     ) -> Iterator[tuple[int, R]]:
-        """Yield (number of the job, its result): first saved ones, the others as they finish.
+        """Yield (number of the job, its result): first saved results, the others as they finish.
 
-        An end of the iteration stops the workers. A result is saved, bit for bit, in a file that is
-        named by a hash of the work: the function with its file, the packages' sources, the files
-        and the plant that it reads, the versions of what computes, and the job. With it the file
-        holds a hash of every file that the job opened, see `opened`, and it counts only while these
-        are the same. So files of several machines may be put into one folder.
+        The workers stop when the iteration ends. A result is saved, bit for bit, in a file whose
+        name is a hash of the work: the function with its file, the packages' sources, the files
+        and the plant that it reads, the versions in `versions`, and the job. The file also holds a
+        hash of every file that the job opened, see `opened`. A saved result is valid while these
+        files are the same. So files of several machines may be put into one folder.
 
         Args:
             function: job → result; it, the jobs and the results can be pickled.
-            jobs: what to run.
-            title: of a bar that shows what is done and how long the rest takes; None for no bar.
+            jobs: the arguments of the function, one for each call.
+            title: the title of a progress bar; None for no bar.
             reads: the user's files that decide the results: scenes, contracts, policies.
             plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
-            repeat: whether one in `REPEATED` saved jobs runs again and is compared; where one
-                differs, all of them run again, with a warning.
+            repeat: whether one in `REPEATED` saved jobs runs again and is compared. If a result
+                differs, all saved jobs run again, with a warning.
 
         Raises:
-            InvalidInputError: if there is less than one worker, a cluster has fewer CPUs than
-                workers, the function or a job cannot be pickled, or a file that decides the results
-                changes while they are computed.
-            UnknownNameError: if there is no such backend.
-            MissingDependencyError: if Ray is requested and not installed.
+            InvalidInputError: if the function or a job cannot be pickled, or a file that decides
+                the results changes while they are computed.
+            HcbfError: as `workers.count` does.
             JobError: if the function raises an error that is not of this package, or the workers of
                 one job died `ATTEMPTS` times.
         """
-        read = {str(file): content(str(file)) for file in reads}
-        work = _Work(function, read, self.backend, self.check())
-        listed = [_Job(number, job, None) for number, job in enumerate(jobs)]
+        hashes = {str(file): content(str(file)) for file in reads}
+        work = _Work(function, hashes, self.backend, self.check())
+        numbered = [_Job(number, argument, None) for number, argument in enumerate(jobs)]
         if self.folder is not None:
             identity = f"{sources_of(function, reads)} {_hash(function)} {versions()} {plant}"
-            listed = [
-                one._replace(path=self.folder / f"{key(identity, one.job)}.job") for one in listed
+            numbered = [
+                job._replace(path=self.folder / f"{key(identity, job.argument)}.job")
+                for job in numbered
             ]
-        return _complete(work, self.folder, listed, repeat, None if self.quiet else title)
+        return _complete(work, self.folder, numbered, repeat, None if self.quiet else title)
 
 
 def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
@@ -118,14 +117,14 @@ def in_order(runs: Iterator[tuple[int, R]]) -> list[R]:
 
 
 def versions() -> dict[str, str]:
-    """Return name → version of what decides the bits of a result."""
-    found = {name: importlib.metadata.version(name) for name in COMPUTING}
-    here = {"python": platform.python_version(), "machine": platform.machine()}
-    return {"hcbf-gym": version.release()} | found | here
+    """Return name → version of the packages, the interpreter and the machine type that compute."""
+    packages = {name: importlib.metadata.version(name) for name in COMPUTING}
+    platforms = {"python": platform.python_version(), "machine": platform.machine()}
+    return {"hcbf-gym": version.release()} | packages | platforms
 
 
 def sources_of(function: Callable[..., object], reads: Sequence[Path] = ()) -> str:
-    """Return a hash of the packages, of a user's function with its file, and of files."""
+    """Return a hash of this package's sources, of the file of a user's function, and of files."""
     inner: Any = function
     while isinstance(inner, functools.partial):
         inner = inner.func
@@ -137,147 +136,150 @@ def sources_of(function: Callable[..., object], reads: Sequence[Path] = ()) -> s
 
 
 def key(identity: str, job: object) -> str:
-    """Return the name of a job's file."""
+    """Return the name of the file of a job's result, without its ending."""
     return hashlib.sha256(f"{identity}\n{_hash(job)}".encode()).hexdigest()[:20]
 
 
-def _hash(thing: object) -> str:
+def _hash(value: object) -> str:
+    """Return a hash of a value's pickle, which is the same in all processes."""
     try:
-        return str(joblib.hash(thing, hash_name="sha1"))
+        return str(joblib.hash(value, hash_name="sha1"))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InvalidInputError(
-            f"jobs: got {reprlib.repr(thing)}, expected what can be pickled ({error})"
+            f"jobs: got {reprlib.repr(value)}, expected what can be pickled ({error})"
         ) from error
 
 
 class _Job(NamedTuple):
-    """A job, its number, and the file of its result; None where it is not saved."""
+    """A job, by its number, the function's argument, and the file of its result if it is saved."""
 
     number: int
-    job: Any
+    argument: Any
     path: Path | None
 
     def __str__(self) -> str:
-        return f"job {self.number}, {reprlib.repr(self.job)}"
+        return f"job {self.number}, {reprlib.repr(self.argument)}"
 
 
 class _Work(NamedTuple):
-    """What runs and where; `read` is path → hash of what `Runs.over` reads."""
+    """The function of all jobs, path → hash of the files that it reads, and its workers."""
 
     function: Callable[..., Any]
-    read: Mapping[str, str]
+    hashes: Mapping[str, str]
     backend: Backend
     workers: int
 
 
-class _Done(NamedTuple):
-    """What a file holds: a result, and path → hash of the files that decided it."""
+class _Result(NamedTuple):
+    """The content of a job's file: a value, and path → hash of the files that the job opened."""
 
-    result: Any
-    read: dict[str, str]
+    value: Any
+    hashes: dict[str, str]
 
 
 def _complete(
     work: _Work, folder: Path | None, jobs: Sequence[_Job], repeat: bool, title: str | None
 ) -> Iterator[tuple[int, Any]]:
-    """Yield what is saved and still holds, then what runs."""
+    """Yield the saved results that are valid, then run the other jobs and yield theirs."""
     saved: list[_Job] = []
     if folder is not None:
         make_folder(folder)
-        saved = _saved(work, jobs, repeat)
-    for one in saved:
-        yield one.number, _load(one).result
+        saved = _valid_jobs(work, jobs, repeat)
+    for job in saved:
+        yield job.number, _load(job).value
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(
         *columns,
         console=console,
         disable=title is None or console.is_jupyter,  # rich warns there without ipywidgets
-        speed_estimate_period=3600.0,  # of jobs that take minutes, too
+        speed_estimate_period=3600.0,  # also of jobs that take minutes
     ) as progress:
         bar = progress.add_task(title or "", total=len(jobs), completed=len(saved))
+        prints = title is not None and not progress.console.is_terminal
         printed = time.monotonic()
-        held = {one.number for one in saved}
-        for number, done in _finished(work, [one for one in jobs if one.number not in held]):
+        saved_numbers = {job.number for job in saved}
+        missing = [job for job in jobs if job.number not in saved_numbers]
+        for number, result in _run(work, missing):
             progress.advance(bar)
-            quiet = title is None or progress.console.is_terminal
-            if not quiet and time.monotonic() - printed > PRINTED_EVERY:
+            if prints and time.monotonic() - printed > PRINTED_EVERY:
                 printed, task = time.monotonic(), progress.tasks[bar]
                 progress.print(f"{title}: {task.completed:g} of {task.total:g}")
-            yield number, done.result
+            yield number, result.value
 
 
-def _saved(work: _Work, jobs: Sequence[_Job], repeat: bool) -> list[_Job]:
-    """Return the jobs that are saved and still hold; the files of others are deleted."""
-    holding, sample = [], {}
-    for one in jobs:
-        if one.path is None or not one.path.exists():
+def _valid_jobs(work: _Work, jobs: Sequence[_Job], repeat: bool) -> list[_Job]:
+    """Return the jobs with a valid saved result, and delete the files of other results."""
+    valid: list[_Job] = []
+    sample: dict[int, tuple[_Job, Any]] = {}  # number → one in `REPEATED` of the jobs, its value
+    for job in jobs:
+        if job.path is None or not job.path.exists():
             continue
-        done = _load(one)
-        if _changed(work, done):
-            one.path.unlink()
+        result = _load(job)
+        if _changed_files(work, result):
+            job.path.unlink()
             continue
-        if len(holding) % REPEATED == 0:
-            sample[one.number] = one, done.result
-        holding.append(one)
-    again = [one._replace(path=None) for one, _ in sample.values()] if repeat else []
-    for number, done in _finished(work, again):
-        one, result = sample[number]
-        if not same(result, done.result):
+        if len(valid) % REPEATED == 0:
+            sample[job.number] = job, result.value
+        valid.append(job)
+    repeated = [job._replace(path=None) for job, _ in sample.values()] if repeat else []
+    for number, result in _run(work, repeated):
+        job, saved_value = sample[number]
+        if not same(saved_value, result.value):
             warn_caller(
-                f"{one}: {one.path} holds another result than the job gives now: all saved jobs "
+                f"{job}: {job.path} holds another result than the job gives now: all saved jobs "
                 "run again"
             )
-            for other in holding:
+            for other in valid:
                 assert other.path is not None
                 other.path.unlink(missing_ok=True)
             return []
-    return holding
+    return valid
 
 
-def _changed(work: _Work, done: _Done) -> list[str]:
+def _changed_files(work: _Work, result: _Result) -> list[str]:
     """Return the files that decided a result and are not the same any more."""
-    read = {**work.read, **done.read}
-    return [name for name, then in read.items() if content(name) != then]
+    hashes = {**work.hashes, **result.hashes}
+    return [name for name, old_hash in hashes.items() if content(name) != old_hash]
 
 
-def _finished(work: _Work, jobs: Sequence[_Job]) -> Iterator[tuple[int, _Done]]:
+def _run(work: _Work, jobs: Sequence[_Job]) -> Iterator[tuple[int, _Result]]:
     """Run jobs, and yield each as it finishes; those whose worker dies run again.
 
     joblib does not report which job killed its worker, and stops the others. So a death counts for
     each job that ran, and the last attempt of a job is alone. A job that dies then is given up,
     and a second one ends the run.
     """
-    waiting = {one.number: one for one in jobs}
+    waiting = {job.number: job for job in jobs}
     deaths: Counter[int] = Counter()
     given_up: list[Exception] = []
     while waiting and len(given_up) < 2:
-        together = [one for one in waiting.values() if deaths[one.number] < ATTEMPTS - 1]
+        together = [job for job in waiting.values() if deaths[job.number] < ATTEMPTS - 1]
         begun: list[_Job] = []
         failures: list[Exception] = []
         calls = _calls(work, together or list(waiting.values())[:1], begun, failures)
         results: Any = None
         try:
             results = backends.parallel(work.backend, work.workers)(calls)
-            for number, done in results:
-                if isinstance(done, _Done):
-                    _save(work, waiting.pop(number), done)
-                    yield number, done
+            for number, result in results:
+                if isinstance(result, _Result):
+                    _save(work, waiting.pop(number), result)
+                    yield number, result
                 else:
-                    failures.append(done)  # raised after the end of those that run beside it
+                    failures.append(result)  # raised when the jobs beside it have ended
         except backends.deaths(work.backend) as error:
-            deaths[-1] += not begun  # a node died where workers were to start
-            if deaths[-1] == ATTEMPTS:
+            deaths[_NO_JOB] += not begun  # a node died where workers were to start
+            if deaths[_NO_JOB] == ATTEMPTS:
                 raise
-            for one in [one for one in begun if one.number in waiting]:
-                if one.path is not None and one.path.exists():
-                    yield one.number, _load(waiting.pop(one.number))
+            for job in [job for job in begun if job.number in waiting]:
+                if job.path is not None and job.path.exists():  # saved before the death
+                    yield job.number, _load(waiting.pop(job.number))
                     continue
-                deaths[one.number] += 1
-                if deaths[one.number] == ATTEMPTS:
-                    what = f"its worker died {ATTEMPTS} times, and the last time of"
-                    given_up.append(_failure(one, what, error))
-                    del waiting[one.number]
+                deaths[job.number] += 1
+                if deaths[job.number] == ATTEMPTS:
+                    event = f"its worker died {ATTEMPTS} times, and the last time of"
+                    given_up.append(_failure(job, event, error))
+                    del waiting[job.number]
         finally:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # that jobs were stopped
@@ -292,58 +294,58 @@ def _finished(work: _Work, jobs: Sequence[_Job]) -> Iterator[tuple[int, _Done]]:
 def _calls(
     work: _Work, jobs: Sequence[_Job], begun: list[_Job], failures: Sequence[Exception]
 ) -> Iterator[Any]:
-    """Yield the calls of jobs for joblib, and note each, until one has failed."""
-    for one in jobs:
+    """Yield the calls of jobs for joblib, and add each job to `begun`, until one has failed."""
+    for job in jobs:
         if failures:
             return
-        begun.append(one)
-        yield joblib.delayed(_call)(work, one)
+        begun.append(job)
+        yield joblib.delayed(_call)(work, job)
 
 
-def _call(work: _Work, one: _Job) -> tuple[int, _Done | Exception]:
-    """Run a job, save its result, and return its number and what came of it."""
+def _call(work: _Work, job: _Job) -> tuple[int, _Result | Exception]:
+    """Run a job in a worker and save its result; return its number with the result or the error."""
     try:
-        with opened.recorded() as read:
-            result = work.function(one.job)
-        done = _Done(result, read)
-        edited = [
-            name for name in _changed(work, done) if MISSING not in (read.get(name), content(name))
-        ]
+        with opened.recorded() as hashes:
+            value = work.function(job.argument)
+        result = _Result(value, hashes)
+        changed = _changed_files(work, result)
+        edited = [file for file in changed if MISSING not in (hashes.get(file), content(file))]
         if edited:
             raise InvalidInputError(
-                f"{one}: {', '.join(edited)} changed after it was read, expected it "
+                f"{job}: {', '.join(edited)} changed after it was read, expected it "
                 "to stay; give the command again, in a new process"
             )
-        _save(work, one, done)
+        _save(work, job, result)
     except Exception as error:  # of the function, or of the disk
-        return one.number, _failure(one, "got", error)
-    return one.number, done
+        return job.number, _failure(job, "got", error)
+    return job.number, result
 
 
-def _failure(one: _Job, what: str, error: Exception) -> Exception:
-    """Return an error of this package as it is, of any other one a sentence with its job."""
+def _failure(job: _Job, event: str, error: Exception) -> Exception:
+    """Return an error of this package as it is, and others as a `JobError` that names the job."""
     if isinstance(error, HcbfError):
         return error
     reason = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
-    failure = JobError(f"{one}: {what} {reason}")
+    failure = JobError(f"{job}: {event} {reason}")
     failure.__cause__ = error
     return failure
 
 
-def _save(work: _Work, one: _Job, done: _Done) -> None:
-    """Save a result where the folder is, unless it is there, or a file came or went meanwhile."""
-    path = one.path
-    if path is None or path.exists() or not path.parent.is_dir() or _changed(work, done):
+def _save(work: _Work, job: _Job, result: _Result) -> None:
+    """Save a result, unless it is saved, the folder is gone, or a file that decided it changed."""
+    path = job.path
+    if path is None or path.exists() or not path.parent.is_dir() or _changed_files(work, result):
         return
     with whole(path) as partial:
-        joblib.dump(tuple(done), partial, compress=3)
+        joblib.dump(tuple(result), partial, compress=3)
 
 
-def _load(one: _Job) -> _Done:
+def _load(job: _Job) -> _Result:
+    """Read the saved result of a job."""
     try:
-        return _Done(*joblib.load(one.path))
+        return _Result(*joblib.load(job.path))
     except (*UNREADABLE, EOFError, OSError, ImportError, pickle.UnpicklingError) as error:
         raise InvalidInputError(
-            f"jobs: got {one.path} that cannot be read ({error}), expected a saved result; "
+            f"jobs: got {job.path} that cannot be read ({error}), expected a saved result; "
             "delete it to run its job again"
         ) from error

@@ -1,4 +1,4 @@
-"""Output folders that hold one study each, so that a run resumes its own and no other."""
+"""Output folders, of which each holds one study: a run resumes its own study and no other."""
 
 import contextlib
 import itertools
@@ -9,17 +9,16 @@ from pathlib import Path
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.records import SETTINGS, check_place, make_folder, whole
 
+Settings = Mapping[str, object]  # all that decides the results of a study; JSON types only
 
-def open_folder(
-    folder: Path, settings: Mapping[str, object], overwrite: bool | None = None
-) -> None:
-    """Make a folder for one study, or open the one that already holds it.
+
+def open_folder(folder: Path, settings: Settings, overwrite: bool | None = None) -> None:
+    """Make a folder for one study, or open the folder that already holds it.
 
     Args:
-        folder: of its results.
-        settings: what decides them; JSON types only.
-        overwrite: take the folder whatever it holds, and write over files of the same names; None
-            where there is no such option.
+        folder: the folder of the study's results.
+        settings: the study's settings.
+        overwrite: accept a folder of any content; None for a command without such an option.
 
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
@@ -30,18 +29,17 @@ def open_folder(
     write_text(folder / SETTINGS, text)
 
 
-def free_folder(base: Path, settings: Mapping[str, object]) -> Path:
-    """Return a folder for a study: `base`, or it with the least number that holds no other one."""
-    for folder in itertools.chain([base], (Path(f"{base}-{k}") for k in itertools.count(2))):
+def free_folder(base: Path, settings: Settings) -> Path:
+    """Return the first of the folders base, base-2, base-3, … that holds no other study."""
+    numbered = (Path(f"{base}-{k}") for k in itertools.count(2))
+    for folder in itertools.chain([base], numbered):
         with contextlib.suppress(InvalidInputError):
             check_folder(folder, settings)
             return folder
     raise AssertionError
 
 
-def check_folder(
-    folder: Path, settings: Mapping[str, object], overwrite: bool | None = None
-) -> None:
+def check_folder(folder: Path, settings: Settings, overwrite: bool | None = None) -> None:
     """Refuse a folder that `open_folder` would refuse.
 
     Raises:
@@ -79,16 +77,16 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def _differences(path: Path, settings: Mapping[str, object]) -> list[str]:
-    """Return the names of the settings in which the file differs."""
+def _differences(path: Path, settings: Settings) -> list[str]:
+    """Return the names of the settings that differ from those in a file at `path`."""
     try:
-        known = json.loads(path.read_text(encoding="utf-8"))
+        saved = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InvalidInputError(
             f"output: got {path} that cannot be read ({error}), expected the settings of a study"
         ) from error
-    if not isinstance(known, dict):
+    if not isinstance(saved, dict):
         return sorted(settings)
-    return sorted(
-        key for key in {*known, *settings} if known.get(key, ...) != settings.get(key, ...)
-    )
+    missing = object()  # differs from every setting, None included
+    names = {*saved, *settings}
+    return sorted(n for n in names if saved.get(n, missing) != settings.get(n, missing))

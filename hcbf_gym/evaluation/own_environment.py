@@ -1,6 +1,7 @@
-"""An environment and a plant of the user's own, made by their function."""
+"""An environment of the user's own with its plant, which a function of theirs makes."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -13,7 +14,7 @@ from hcbf_gym.barriers.many import each
 from hcbf_gym.barriers.placing import Placing
 from hcbf_gym.barriers.set import BarrierSet, Condition
 from hcbf_gym.certificates import identified
-from hcbf_gym.certificates import identity as identities
+from hcbf_gym.certificates import identity as plant_identity
 from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.evaluation.episode import Sample
 from hcbf_gym.evaluation.vacuity import Strict
@@ -22,14 +23,14 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
 class Made(NamedTuple):
-    """What a user's function returned."""
+    """A new environment, and the plant with which a filter reads it."""
 
-    env: gym.Env  # the environment
-    plant: Plant  # what a filter must know of it
+    env: gym.Env
+    plant: Plant
 
 
 def make(source: str) -> Made:
-    """Return a new environment and its plant, from ``module:function`` or ``file.py:function``.
+    """Call a user's function, ``module:function`` or ``file.py:function``.
 
     Raises:
         InvalidInputError: if there is no such function, or it returns anything else.
@@ -43,16 +44,16 @@ def make(source: str) -> Made:
 
 
 def identity(source: str) -> str:
-    """Return the identity of the plant that a function makes; "" where each call makes another."""
-    found = set()
-    for made in (make(source), make(source)):
-        found.add(identities.of(identified(made.plant, made.env.unwrapped)))
-        made.env.close()
-    return found.pop() if len(found) == 1 else ""
+    """Return the identity of the plant that a function makes; "" if each call makes another."""
+    identities = set()
+    for env, plant in (make(source), make(source)):
+        identities.add(plant_identity.of(identified(plant, env.unwrapped)))
+        env.close()
+    return identities.pop() if len(identities) == 1 else ""
 
 
 def barriers_of(source: str, seed: int) -> list[Barrier | Shapes]:
-    """Return the barriers of a plant after the first reset, one by one, as pictures show them."""
+    """Return each barrier of a function's plant after a reset by the seed, for pictures."""
     env, plant = make(source)
     observation, info = env.reset(seed=seed)
     barriers = read(plant.barriers, env.unwrapped, observation, info)
@@ -61,25 +62,25 @@ def barriers_of(source: str, seed: int) -> list[Barrier | Shapes]:
 
 
 class Reading(NamedTuple):
-    """A plant and its m ranked conditions at one sample, by its readers."""
+    """The state of a plant and its m ranked conditions at one sample, as its readers return it."""
 
     x: Array  # (n,) the state
     time: float  # [s]
-    conditions: Sequence[Condition]  # name and rank of each
-    reads_position: Mask  # (m,) which of the strict ones read the position
-    h: Array  # (m,) their values
-    along: Strict  # (x (j, n), t (j,)) → (j, m) their values elsewhere
+    conditions: Sequence[Condition]  # (m,) name and rank of each condition
+    reads_position: Mask  # (m,) which of the strict conditions read the position
+    h: Array  # (m,) the values of the conditions
+    along: Strict  # (x (j, n), t (j,)) → (j, m) their values at j other states and times
 
 
 def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Placing) -> Reading:
-    """Return what a plant's readers return for a sample.
+    """Read the state and the conditions of a plant at a sample.
 
     Args:
-        plant: with the readers.
-        env: unwrapped.
-        sample: the newest.
-        counted: the time where the plant's state has none [s].
-        placing: since when shapes count in this episode.
+        plant: the plant, whose readers are called.
+        env: the unwrapped environment.
+        sample: the newest sample.
+        counted: the time if the plant's state has none [s].
+        placing: the times from which the shapes of this episode move.
     """
     observation, info = sample.observation, sample.info
     estimate = plant.state(env, observation, info)
@@ -98,22 +99,26 @@ def reading(plant: Plant, env: Any, sample: Sample, counted: float, placing: Pla
         barriers = placing.as_of_zero(list(listed))
         conditions = [Condition(b.name, b.priority) for b in barriers]
         reads = np.array([b.reads_position for b in barriers], dtype=np.bool_)
-        along = lambda x, t: np.array([  # noqa: E731
-            [float(b.h(*one)) for b in barriers] for one in zip(x, t, strict=True)
-        ])  # fmt: skip
+        along = partial(_evaluate, barriers)
     return Reading(x, time, conditions, reads, along(x[None], np.array([time]))[0], along)
 
 
+def _evaluate(barriers: Sequence[Barrier], x: Array, t: Array) -> Array:
+    """Return (j, m) h of m barriers at j states x (j, n) and their times t (j,)."""
+    pairs = zip(x, t, strict=True)
+    return np.array([[float(barrier.h(*pair)) for barrier in barriers] for pair in pairs])
+
+
 def least_reported(reported: object, count: int) -> Array:
-    """Return (count,) an environment's own min_h; NaN counts as entered.
+    """Return (count,) the min_h that an environment of the user's own reports in its infos.
 
     Raises:
         InvalidInputError: if it is not one real number for each barrier.
     """
-    given = as_array("min_h", reported)
-    if given.dtype.kind not in "fiu" or given.shape != (count,):
+    min_h = as_array("min_h", reported)
+    if min_h.dtype.kind not in "fiu" or min_h.shape != (count,):
         raise InvalidInputError(
             f"environment: got min_h {reported!r} in the infos, expected {count} numbers, one for "
             "each barrier in its order"
         )
-    return given.astype(np.float64)
+    return min_h.astype(np.float64)

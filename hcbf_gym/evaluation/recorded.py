@@ -1,4 +1,4 @@
-"""The record of one episode: what tables and pictures are made from."""
+"""The record of one episode, from which tables and pictures are made."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -23,8 +23,7 @@ from hcbf_gym.policies import Policy
 from hcbf_gym.programs import FilterStatus
 
 _REPORTED = ("u_nominal", "psi", "slack", "delta")  # fields of the filter's report and of `Episode`
-Positions = Callable[[Array], Any]
-"""x (n,) → (2,) the position at which pictures show the robot [m]."""
+Positions = Callable[[Array], Any]  # x (n,) → (2,) the robot's position in pictures [m]
 
 
 @dataclass(frozen=True)
@@ -38,17 +37,16 @@ class Episode:
     min_h: Array  # (k + 1, m) the least h since the sample before, as far as it is reported
     tracking_error: Array  # (k + 1,) ‖p_ref − p‖ [m]; NaN if the environment has no reference
     reward: Array  # (k,)
-    u_nominal: Array  # (k, n_u) u*, the policy's input
+    u_nominal: Array  # (k, n_u) u*, the input of the policy
     u: Array  # (k, n_u) the applied input
     psi: Array  # (k, m) ψ, which the rows keep from falling below zero; NaN without a filter
     slack: Array  # (k, m) by how much the filter's rows were violated; zeros without a filter
     delta: Array  # (k, m) the program's own relaxation; zeros without a filter
     status: Integers  # (k,) `FilterStatus`; NOMINAL without a filter
-    # (k,) whether the robot was at rest though u* requested motion; None if the velocity is unknown
-    deadlock: Mask | None
+    deadlock: Mask | None  # (k,) at rest though u* requested motion; None if v is not known
     obstacle_force: Array  # (k, b) the largest contact force with each box during a step [N]
-    names: tuple[str, ...]  # of the m barriers
-    priority: Integers  # (m,) the barriers' ranks; 1 is strict
+    names: tuple[str, ...]  # (m,) the barriers' names
+    priority: Integers  # (m,) the barriers' ranks; rank 1 is strict
     fell: bool  # whether the robot fell
     # whether the goal was reached, which for the task "track" is to end within the scenario's goal
     # radius; None if the environment does not report it
@@ -64,14 +62,14 @@ class Episode:
         """Return the figures of the episode as plain numbers and lists, for JSON.
 
         Lists have one entry for each barrier. `outside_steps` counts the steps during which the
-        true state was in a strict region. A figure that is not known is None.
+        true state was outside the strict safe set. A figure that is not known is None.
         """
         error, time = self.tracking_error, self.time
-        outside = (self.min_h[1:, self.priority == 1] < 0.0).any(axis=1)
-        inside = (np.diff(time)[:, None] * (self.h[1:] < 0.0)).sum(axis=0)
+        is_outside = (self.min_h[1:, self.priority == 1] < 0.0).any(axis=1)
+        violation_seconds = (np.diff(time)[:, None] * (self.h[1:] < 0.0)).sum(axis=0)
         return {
             "min_h": self.min_h.min(axis=0).tolist(),
-            "violation_seconds": inside.tolist(),
+            "violation_seconds": violation_seconds.tolist(),
             "relaxed_seconds": self._relaxed_seconds(),
             "violation_depth": np.maximum(-self.min_h, 0.0).max(axis=0).tolist(),
             "tracking_rms": _none_for_nan(np.sqrt(np.mean(error[1:] ** 2))),
@@ -82,22 +80,21 @@ class Episode:
             "reached": self.reached,
             "task": self.task,
             "intervention_rms": float(np.sqrt(np.mean(self.intervention**2))),
-            "status_counts": {
-                status.name: int((self.status == status).sum()) for status in FilterStatus
-            },
-            "outside_steps": int(outside.sum()),
+            "status_counts": {s.name: int((self.status == s).sum()) for s in FilterStatus},
+            "outside_steps": int(is_outside.sum()),
             "deadlock_share": None if self.deadlock is None else float(np.mean(self.deadlock)),
             "max_obstacle_force": float(self.obstacle_force.max(initial=0.0)),
         }
 
     def _relaxed_seconds(self) -> dict[str, float]:
-        """Return rank → how long a row of it was violated [s], for the ranks of which one was."""
-        seconds = np.diff(self.time)
-        relaxed = {
-            str(rank): float(seconds @ (self.slack[:, self.priority == rank] > 0.0).any(axis=1))
-            for rank in np.unique(self.priority).tolist()
-        }
-        return {rank: time for rank, time in relaxed.items() if time > 0.0}
+        """Return rank → how long a row of that rank was violated [s]; other ranks are left out."""
+        step_seconds = np.diff(self.time)
+        seconds_by_rank: dict[str, float] = {}
+        for rank in np.unique(self.priority).tolist():
+            is_relaxed = (self.slack[:, self.priority == rank] > 0.0).any(axis=1)
+            if (seconds := float(step_seconds @ is_relaxed)) > 0.0:
+                seconds_by_rank[str(rank)] = seconds
+        return seconds_by_rank
 
 
 def rollout(
@@ -111,12 +108,12 @@ def rollout(
     """Run one episode to its end, in an environment of this package or in one of your own.
 
     Args:
-        env: with a filter or without one.
+        env: the environment, with a filter or without one.
         policy: (observation, info) → the environment's action.
-        seed: of the environment's reset.
-        plant: of an environment of your own; None takes that of the filter around it.
-        steps: after how many steps to stop; None runs until the environment ends the episode.
-        positions: x (n,) → (2,) where the robot is [m]; None takes the first two entries of the
+        seed: the seed of the environment's reset.
+        plant: the plant of an environment of your own; None takes that of the filter around it.
+        steps: the number of steps after which to stop; None runs to the episode's end.
+        positions: x (n,) → (2,) the robot's position [m]; None takes the first two entries of the
             planar models' states.
 
     Raises:
@@ -127,16 +124,16 @@ def rollout(
     if is_own and plant is None:
         plant = _plant_of_filter(env)
     instants = _record(env, policy, seed, plant if is_own else None, steps)
-    first, *after_steps = instants
-    taken = [instant.sample for instant in after_steps]
+    reset = instants[0]
+    after_steps = [instant.sample for instant in instants[1:]]
     reports = [
-        sample.info.get("safety_filter") or _report_without_filter(sample, plant, len(first.h))
-        for sample in taken
+        sample.info.get("safety_filter") or _report_without_filter(sample, plant, len(reset.h))
+        for sample in after_steps
     ]
-    columns = {name: np.array([report[name] for report in reports]) for name in _REPORTED}
+    reported = {name: np.array([report[name] for report in reports]) for name in _REPORTED}
     x = np.array([instant.x for instant in instants])
-    error = np.array([one.sample.info.get("tracking_error", np.nan) for one in instants])
-    last = taken[-1]
+    error = np.array([now.sample.info.get("tracking_error", np.nan) for now in instants])
+    last = after_steps[-1]
     fell = bool(last.info.get("fallen", 0.0))
     if is_own:
         success = last.info.get("is_success", last.info.get("success"))
@@ -144,30 +141,30 @@ def rollout(
     else:
         radius = inner.scenario.goal_radius
         reached = last.over and not fell and bool(error[-1] <= radius)
-        deadlock = deadlocked(x[1:, 2:], columns["u_nominal"], error[1:], radius)
+        deadlock = deadlocked(x[1:, 2:], reported["u_nominal"], error[1:], radius)
     return Episode(
         time=np.array([instant.time for instant in instants]),
         state=x,
-        position=np.array([_position(one, plant, positions, is_own) for one in x]),
+        position=np.array([_position(state, plant, positions, is_own) for state in x]),
         h=np.array([instant.h for instant in instants]),
         min_h=np.array([instant.min_h for instant in instants]),
         tracking_error=error,
-        reward=np.array([float(sample.reward) for sample in taken]),
+        reward=np.array([float(sample.reward) for sample in after_steps]),
         u=np.array([report["u_safe"] for report in reports]),
         status=np.array([report["status"] for report in reports], dtype=np.int64),
         deadlock=deadlock,
-        obstacle_force=np.array([s.info.get("obstacle_force", ()) for s in taken], np.float64),
-        names=tuple(condition.name for condition in first.conditions),
-        priority=np.array([condition.rank for condition in first.conditions], dtype=np.int64),
+        obstacle_force=np.array([s.info.get("obstacle_force", ()) for s in after_steps], float),
+        names=tuple(condition.name for condition in reset.conditions),
+        priority=np.array([condition.rank for condition in reset.conditions], dtype=np.int64),
         fell=fell,
         reached=reached,
         task=None if is_own else inner.scenario.task,
-        **columns,
+        **reported,
     )
 
 
 class _Instant(NamedTuple):
-    """A plant and its m barriers at one sample."""
+    """The state of a plant and its m barriers at one sample."""
 
     sample: Sample
     time: float  # [s]
@@ -180,14 +177,14 @@ class _Instant(NamedTuple):
 def _record(
     env: gym.Env, policy: Policy, seed: int, own_plant: Plant | None, steps: int | None
 ) -> list[_Instant]:
-    """Run an episode; return its reset and its steps, of which there is one at least.
+    """Run an episode of at least one step, and return its instants from the reset on.
 
     An environment of this package reports its state and barriers; others are read by `own_plant`.
     """
     instants: list[_Instant] = []
     placing = Placing(1)
-    most = None if steps is None else steps + 1  # the reset is a sample, too
-    for sample in itertools.islice(samples(env, policy, seed), most):
+    max_samples = None if steps is None else steps + 1  # the reset is a sample, too
+    for sample in itertools.islice(samples(env, policy, seed), max_samples):
         if own_plant is None:
             instants.append(_instant(env.unwrapped, sample))
         else:
@@ -198,21 +195,21 @@ def _record(
 
 
 def _instant(inner: Any, sample: Sample) -> _Instant:
-    """Return what an environment of this package reports at a sample."""
+    """Return the instant of a sample, as an environment of this package reports it."""
     conditions = [Condition(b.name, b.priority) for b in inner.barriers]
     h, min_h = sample.info["h"], sample.info["min_h"]
     return _Instant(sample, inner.time, inner.rom_state, h, min_h, conditions)
 
 
 def _own_instant(
-    plant: Plant, inner: Any, sample: Sample, before: Sequence[_Instant], placing: Placing
+    plant: Plant, inner: Any, sample: Sample, earlier: Sequence[_Instant], placing: Placing
 ) -> _Instant:
-    """Return what the readers of a user's plant return at a sample, after those before it."""
-    counted_time = len(before) * (plant.period or CONTROL_DT)
+    """Return the instant of a sample after earlier ones, by the readers of a user's plant."""
+    counted_time = len(earlier) * (plant.period or CONTROL_DT)
     now = reading(plant, inner, sample, counted_time, placing)
-    if before and len(now.h) != len(before[0].h):
+    if earlier and len(now.h) != len(earlier[0].h):
         raise InvalidInputError(
-            f"rollout: got {len(now.h)} barriers after {len(before[0].h)}, expected their number "
+            f"rollout: got {len(now.h)} barriers after {len(earlier[0].h)}, expected their number "
             "to stay"
         )
     min_h = now.h
@@ -234,17 +231,17 @@ def _plant_of_filter(env: gym.Env) -> Plant:
 
 
 def _report_without_filter(sample: Sample, plant: Plant | None, m: int) -> dict[str, object]:
-    """Return the report of a step of m barriers without a filter: u = u*, and no row."""
-    to_input = None if plant is None else plant.from_action
-    action = sample.action if to_input is None else to_input(sample.action)
-    u = np.asarray(action, dtype=np.float64)
+    """Return a filter's report for a step without a filter: u = u*, and no row was violated."""
+    u = sample.action
+    if plant is not None and plant.from_action is not None:
+        u = plant.from_action(u)
+    u = np.asarray(u, dtype=np.float64)
     rows = {"slack": np.zeros(m), "delta": np.zeros(m), "psi": np.full(m, np.nan)}
-    plain = {"u_nominal": u, "u_safe": u, "status": FilterStatus.NOMINAL, "deadlock": 0.0}
-    return rows | plain
+    return rows | {"u_nominal": u, "u_safe": u, "status": FilterStatus.NOMINAL, "deadlock": 0.0}
 
 
 def _deadlocks(plant: Plant | None, reports: Sequence[Mapping[str, Any]]) -> Mask | None:
-    """Return (k,) the filter's deadlocks; None for models whose velocity it does not know."""
+    """Return (k,) the deadlocks in a filter's reports; None for models without a velocity."""
     if plant is None or plant.model != DoubleIntegrator():
         return None
     return np.array([bool(report["deadlock"]) for report in reports])

@@ -1,4 +1,4 @@
-"""Policies under programs over many seeds at once, and what the episodes amount to."""
+"""Episodes of policies under programs over many seeds, and their figures, averaged over seeds."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,52 +15,47 @@ from hcbf_gym.evaluation.jobs import Runs
 from hcbf_gym.evaluation.recorded import Episode, rollout
 from hcbf_gym.evaluation.statistics import mean, mean_interval, share_interval, upper_bound
 from hcbf_gym.models.plant import Plant
-from hcbf_gym.programs import FilterStatus
 
-UNFILTERED = "none"  # the name of no filter, in a program's place
+UNFILTERED = "none"  # in the place of a program's name, where there is no filter
 
 SHOWN_OPTIONS: dict[str, dict[str, Any]] = {
     "r-cbf-qp": {"gamma0": 0.05},
     "h-cbf-qp": {"gamma0": 5.0, "delta_gamma": 1.3},
 }
-"""Program options of the evaluation where none are given: R's small weight, H's from the paper."""
-
+"""The default weights of evaluations: R's is small, H's are the paper's."""
 
 MEANS = (
     "tracking_rms", "final_error", "return", "intervention_rms", "deadlock_share", "fell", "reached"
 )  # fmt: skip
-"""Figures of a summary of which a row has the mean."""
+"""The figures of episodes whose mean `aggregate` returns."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One cell of an evaluation: an environment, a scene, a policy and a program."""
+    """An environment, a scene, a policy and a program, which episodes of many seeds share."""
 
-    # an id of `environments.known()`, or ``file.py:function`` or ``module:function`` that returns
-    # (environment, plant)
-    env: str
-    scenario: Any  # what `hcbf_gym.scenarios.make` takes; not read with an environment of your own
+    env: str  # an id of `environments.known()`, or a function as in `own_environment.make`
+    scenario: Any  # as `scenarios.make` takes it; ignored with an environment of your own
     policy: str  # as `policies.make` takes it
-    program: str  # a program's name, or "none"
-    options: Mapping[str, Any] | None = None  # of the program and the filter
+    program: str  # the name of a program, or "none"
+    options: Mapping[str, Any] | None = None  # of the filter; None takes `SHOWN_OPTIONS`
     env_options: Mapping[str, Any] | None = None  # further arguments of the environment
-    v_max: float | None = None  # cap on the speed [m/s] in the scene's place; None leaves it
-    # the most that an episode takes; None for as many as the environment does
-    steps: int | None = None
+    v_max: float | None = None  # replaces the scene's cap on the speed [m/s]; None leaves it
+    steps: int | None = None  # the most steps of an episode; None takes the environment's limit
 
     def make(self, render_mode: str | None = None, seed: int = 0) -> gym.Env:
         """Return the environment, filtered unless the program is "none".
 
-        The seed draws a random scene whose cap on the speed is replaced.
+        The seed draws the scene if it is random and its cap on the speed is replaced.
 
         Raises:
             UnknownNameError: if the environment or program is not registered.
             InvalidInputError: if an option is refused.
         """
-        return self._made(render_mode, seed)[0]
+        return self._make_with_plant(render_mode, seed)[0]
 
-    def _made(self, render_mode: str | None, seed: int) -> tuple[gym.Env, Plant | None]:
-        """Return the environment, and the plant where it is the user's own."""
+    def _make_with_plant(self, render_mode: str | None, seed: int) -> tuple[gym.Env, Plant | None]:
+        """Return the environment, and the plant of an environment of the user's own."""
         plant = None
         if loading.is_function(self.env):
             env, plant = own_environment.make(self.env)
@@ -70,12 +65,8 @@ class Case:
                 f"{list(environments.known())}, file.py:function or module:function"
             )
         else:
-            env = gym.make(
-                self.env,
-                scenario=self._scene(seed),
-                render_mode=render_mode,
-                **(self.env_options or {}),
-            )
+            scene, env_options = self._scene(seed), self.env_options or {}
+            env = gym.make(self.env, scenario=scene, render_mode=render_mode, **env_options)
         if self.program == UNFILTERED:
             if self.options:
                 raise InvalidInputError(
@@ -86,7 +77,7 @@ class Case:
         return wrappers.SafetyFilter(env, program=self.program, plant=plant, **options), plant
 
     def _scene(self, seed: int) -> Any:
-        """Return the scene, which a seed draws where its cap is another and it is random."""
+        """Return the scene; if its cap is replaced, a random one has to be drawn here."""
         if self.v_max is None:
             return self.scenario
         drawn = scenarios.make(self.scenario, np.random.default_rng(seed))
@@ -94,30 +85,25 @@ class Case:
 
     def run(self, seed: int) -> Episode:
         """Run one episode in a fresh environment."""
-        env, plant = self._made(None, seed)
+        env, plant = self._make_with_plant(None, seed)
         try:
             return rollout(env, policies.make(self.policy, env), seed, plant, self.steps)
         finally:
             env.close()
 
     def label(self) -> dict[str, object]:
-        """Return the names under which the episode is summarised."""
-        return {
-            "env": self.env,
-            "scenario": self._scene_name(),
-            "policy": self.policy,
-            "program": self.program,
-        }
-
-    def _scene_name(self) -> str:
+        """Return the names of environment, scene, policy and program, for summaries."""
         if loading.is_function(self.env):
-            return "own"
-        scene = self.scenario
-        return scene if isinstance(scene, str) else scenarios.make(scene).name
+            scene = "own"
+        elif isinstance(self.scenario, str):
+            scene = self.scenario
+        else:
+            scene = scenarios.make(self.scenario).name
+        return {"env": self.env, "scenario": scene, "policy": self.policy, "program": self.program}
 
 
 def shown_program(program: str) -> str:
-    """Return a program as tables and figures name it."""
+    """Return the name of a program in tables and figures."""
     return f"{program} (no filter)" if program == UNFILTERED else program
 
 
@@ -128,7 +114,7 @@ class Job(NamedTuple):
     seed: int = 0
 
     def run(self) -> Episode:
-        """Run it."""
+        """Run the episode and return its record."""
         return self.case.run(self.seed)
 
 
@@ -139,21 +125,21 @@ def evaluate(
     title: str | None = None,
     reads: Sequence[Path] = (),
 ) -> Iterator[tuple[Case, int, Episode]]:
-    """Yield every case's episode for every seed, as they finish.
+    """Yield every case's episode for every seed, with the case and the seed, as they finish.
 
     Args:
-        cases: what to run.
-        seeds: one episode each.
-        runs: how they run.
-        title: of a progress bar; None for no bar.
-        reads: files of the user's own that decide the episodes.
+        cases: the cases, each of which runs with every seed.
+        seeds: the seeds.
+        runs: where the episodes run, and where they are saved.
+        title: the title of a progress bar; None for no bar.
+        reads: the user's own files that decide the episodes.
 
     Raises:
         HcbfError: as `Runs.over` does.
     """
     jobs = [Job(case, seed) for case in cases for seed in seeds]
-    own = {case.env for case in cases if loading.is_function(case.env)}
-    plant = " ".join(own_environment.identity(env) for env in sorted(own))
+    own_envs = {case.env for case in cases if loading.is_function(case.env)}
+    plant = " ".join(own_environment.identity(env) for env in sorted(own_envs))
     episodes = runs.over(Job.run, jobs, title, reads, plant, repeat=True)
     return ((jobs[k].case, jobs[k].seed, episode) for k, episode in episodes)
 
@@ -164,46 +150,51 @@ def aggregate(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     `intervals` holds [low, high] of means with the confidence `statistics.INTERVAL`;
     `entered_at_most` the bound on the chance of entering.
     """
-    keys = ("env", "scenario", "policy", "program")
+    labels = ("env", "scenario", "policy", "program")
     groups: dict[tuple, list[Mapping[str, Any]]] = {}
     for episode in episodes:
-        groups.setdefault(tuple(episode[key] for key in keys), []).append(episode)
-    rows = []
-    for group, members in groups.items():
-        least = np.array([member["min_h"] for member in members])
-        seconds = np.array([member["violation_seconds"] for member in members])
-        row = dict(zip(keys, group, strict=True))
-        row |= {
-            "episodes": len(members),
-            "min_h": least.min(axis=0).tolist(),
-            "share_entered": (least < 0.0).mean(axis=0).tolist(),
-            "violation_seconds": seconds.mean(axis=0).tolist(),
-            "relaxed_seconds": _mean_of_each([member["relaxed_seconds"] for member in members]),
-        }
-        for key in MEANS:
-            row[key] = mean([member[key] for member in members])
-        row["task"] = members[0]["task"]
-        ends = row["task"] != "track"  # which lasts as long as its reference, wherever the robot is
-        arrived = [member["seconds"] for member in members if ends and member["reached"]]
-        row["seconds_to_goal"] = mean(arrived)
-        row["entered"] = sum(member["outside_steps"] > 0 for member in members)
-        row["outside_steps"] = sum(member["outside_steps"] for member in members)
-        row["intervals"] = {
-            "reached": share_interval([member["reached"] for member in members]),
+        groups.setdefault(tuple(episode[label] for label in labels), []).append(episode)
+    return [dict(zip(labels, key, strict=True)) | _row(group) for key, group in groups.items()]
+
+
+def _row(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the figures over the summaries of episodes that differ in their seeds alone."""
+    n, task = len(episodes), episodes[0]["task"]
+    values = {key: [episode[key] for episode in episodes] for key in episodes[0]}
+    min_h = np.array(values["min_h"])
+    row: dict[str, Any] = {
+        "episodes": n,
+        "min_h": min_h.min(axis=0).tolist(),
+        "share_entered": (min_h < 0.0).mean(axis=0).tolist(),
+        "violation_seconds": np.mean(values["violation_seconds"], axis=0).tolist(),
+        "relaxed_seconds": _mean_by_key(values["relaxed_seconds"]),
+    }
+    row |= {key: mean(values[key]) for key in MEANS}
+    # an episode of the task "track" ends with its reference, wherever the robot is
+    arrived = [e["seconds"] for e in episodes if task != "track" and e["reached"]]
+    entered = sum(steps > 0 for steps in values["outside_steps"])
+    return row | {
+        "task": task,
+        "seconds_to_goal": mean(arrived),
+        "entered": entered,
+        "outside_steps": sum(values["outside_steps"]),
+        "intervals": {
+            "reached": share_interval(values["reached"]),
             "seconds_to_goal": mean_interval(arrived),
-            "return": mean_interval([member["return"] for member in members]),
-            "intervention_rms": mean_interval([member["intervention_rms"] for member in members]),
-        }
-        row["entered_at_most"] = upper_bound(row["entered"], len(members))
-        row["status_counts"] = {
-            status.name: sum(member["status_counts"][status.name] for member in members)
-            for status in FilterStatus
-        }
-        rows.append(row)
-    return rows
+            "return": mean_interval(values["return"]),
+            "intervention_rms": mean_interval(values["intervention_rms"]),
+        },
+        "entered_at_most": upper_bound(entered, n),
+        "status_counts": _total_by_key(values["status_counts"]),
+    }
 
 
-def _mean_of_each(members: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return key → the mean of members, of which one without the key counts as 0."""
-    keys = sorted({key for member in members for key in member})
-    return {key: sum(member.get(key, 0.0) for member in members) / len(members) for key in keys}
+def _mean_by_key(mappings: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return key → the mean over mappings, of which one without the key counts as 0."""
+    return {key: total / len(mappings) for key, total in sorted(_total_by_key(mappings).items())}
+
+
+def _total_by_key(mappings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return key → the sum over mappings, of which one without the key counts as 0."""
+    keys = dict.fromkeys(key for mapping in mappings for key in mapping)
+    return {key: sum(mapping.get(key, 0) for mapping in mappings) for key in keys}

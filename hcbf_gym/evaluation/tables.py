@@ -8,14 +8,14 @@ from rich.table import Table as RichTable
 
 
 class Table(NamedTuple):
-    """A table of text: a title, the columns' names, and rows of as many cells."""
+    """A table of text: a title, the names of the columns, and rows with a cell for each column."""
 
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
     def markdown(self) -> str:
-        """Return the table as Markdown; all columns but the first stand to the right."""
+        """Return the table as Markdown; all columns but the first are aligned to the right."""
         rule = ["---", *["---:"] * (len(self.header) - 1)]
         return "\n".join(
             "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"

@@ -1,9 +1,9 @@
 r"""Whether an episode tests the conditions of rank 1: what u* would have done without the filter.
 
-Of a plant's conditions, these functions read the strict ones on the position, h (m,): a state is
-inside one of their regions where an entry of h is negative. A step *prevents an entry* if the
-filter changed the nominal input u*, and u*, held for at most a second, would have led inside. An
-episode without such a step shows nothing of the filter: any filter would have passed it.
+The functions read the values h (m,) of a plant's strict conditions on the position. A state is
+inside a region if an entry of h is negative. A step *prevents an entry* if the filter changed the
+nominal input u*, and u*, held for at most a second, would have led inside. An episode without such
+a step is vacuous: any filter would have passed it.
 """
 
 from collections.abc import Callable
@@ -15,17 +15,18 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
-HELD = (0.25, 0.5, 0.75, 1.0)
-"""Times for which u* is held before the state is looked at [s]."""
-CHANGED = 1e-3
-"""‖u − u*‖ above which the filter has changed an input, as a share of the greatest ‖u‖ in U."""
-USUAL_STEPS = 10.0
-"""A jump is longer than so many usual steps."""
-SHARE_OF_RANGE = 0.2
-"""A jump is longer than this share of the range that h covered in the episode."""
+HELD = (
+    0.25,
+    0.5,
+    0.75,
+    1.0,
+)  # the times for which u* is held, after which the state is checked [s]
+CHANGED = 1e-3  # ‖u − u*‖ above which the filter has changed an input, as a share of U's radius
+USUAL_STEPS = 10.0  # a jump is longer than this number of usual steps
+SHARE_OF_RANGE = 0.2  # a jump is longer than this share of the range of h in the episode
 
+# (x (j, n), t (j,)) → (j, m) h of the strict conditions on the position, at j states
 Strict = Callable[[Array, Array], Array]
-"""(x (j, n), t (j,)) → (j, m) the strict h's on the position."""
 
 
 def prevents_entry(
@@ -43,12 +44,12 @@ def prevents_entry(
         ‖u − u*‖ > `CHANGED` max ‖U‖  and  min h(φ_s(x, u*), t + s) < 0 for an s in `HELD`.
 
     Args:
-        model: of the plant.
+        model: the plant's reduced-order model, which has φ.
         input_set: U.
         x: (n,) the state before the step.
-        time: t of that state [s].
-        strict: the conditions h.
-        report: of the filter for this step.
+        time: t, the time of that state [s].
+        strict: h of the strict conditions on the position.
+        report: the filter's report of this step.
     """
     if not report["intervention"] > CHANGED * input_set.radius:
         return False
@@ -70,9 +71,9 @@ def check_jumps(source: str, observed: list[Array], predicted: list[Array]) -> N
     accepted, as their medians show nothing.
 
     Args:
-        source: of the environment, for the message.
-        observed: (m,) h of each of the K + 1 samples.
-        predicted: (m,) ĥ of each of the K steps.
+        source: the environment's name, for the message.
+        observed: K + 1 times h (m,), one for each sample.
+        predicted: K times ĥ (m,), one for each step.
 
     Raises:
         InvalidInputError: if the step of the greatest error jumps.
@@ -83,9 +84,9 @@ def check_jumps(source: str, observed: list[Array], predicted: list[Array]) -> N
     errors = np.abs(h[1:] - np.array(predicted)).max(axis=1)
     changes = np.abs(np.diff(h, axis=0)).max(axis=1)
     usual = max(np.median(errors), np.median(changes))
-    covered = np.ptp(h, axis=0).max()
+    range_of_h = np.ptp(h, axis=0).max()
     k = int(errors.argmax())
-    if errors[k] > max(USUAL_STEPS * usual, SHARE_OF_RANGE * covered):
+    if errors[k] > max(USUAL_STEPS * usual, SHARE_OF_RANGE * range_of_h):
         raise InvalidInputError(
             f"{source}: got a state that jumps in step {k + 1}, by {errors[k]:.3g} in h where "
             f"{usual:.3g} is usual, expected an episode that ends (terminated or truncated) rather "

@@ -19,8 +19,7 @@ from hcbf_gym.errors import (
     install,
 )
 
-Backend = Literal["processes", "ray"]
-"""Processes of this machine, or a Ray cluster (the extra `cluster`)."""
+Backend = Literal["processes", "ray"]  # of this machine, or a Ray cluster (the extra `cluster`)
 
 
 def count(backend: Backend, workers: int | None) -> int:
@@ -28,43 +27,45 @@ def count(backend: Backend, workers: int | None) -> int:
 
     Raises:
         UnknownNameError: if there is no such backend.
-        InvalidInputError: if there are less than 1, or more than the cluster has CPUs; if no
-            cluster answers where one is expected.
+        InvalidInputError: if `workers` is less than 1 or more than the cluster's CPUs, or if no
+            cluster answers.
         MissingDependencyError: if Ray is requested and not installed.
     """
-    available = choose("backend", backend, {"processes": joblib.cpu_count, "ray": _ray_cpus})
+    cpus = choose("backend", backend, {"processes": joblib.cpu_count, "ray": _ray_cpus})
     if workers is not None and workers < 1:
         raise InvalidInputError(f"workers: got {workers}, expected at least 1")
     if backend == "processes":
-        return workers or available()
-    cpus = available()
-    if (workers or cpus) > cpus:
+        return workers or cpus()
+    available = cpus()
+    if (workers or available) > available:
         raise InvalidInputError(
-            f"workers: got {workers}, expected at most the {cpus} CPUs of the Ray cluster"
+            f"workers: got {workers}, expected at most the {available} CPUs of the Ray cluster"
         )
-    return workers or cpus
+    return workers or available
 
 
 def parallel(backend: Backend, workers: int) -> joblib.Parallel:
-    """Return an executor that yields results as they finish; one worker is the caller."""
+    """Return an executor that yields results as they finish; one worker is this process."""
     options: dict[str, Any] = {"pre_dispatch": "n_jobs", "batch_size": 1, "max_nbytes": None}
     if backend == "processes":
         options |= {"backend": "loky", "inner_max_num_threads": 1}
         options |= {"initializer": _follow, "initargs": (os.getpid(),)}
-    else:  # whose pool calls back, so that results can be yielded
-        options["backend"] = importlib.import_module("ray.util.joblib.ray_backend").RayBackend()
-        options["backend"].supports_return_generator = True
+    else:
+        ray_backend = importlib.import_module("ray.util.joblib.ray_backend").RayBackend()
+        # Ray's class does not declare that its pool calls back, which is all that yielding needs
+        ray_backend.supports_return_generator = True
+        options["backend"] = ray_backend
         workers = min(workers, _ray_cpus())  # a node may have died
     return joblib.Parallel(workers, return_as="generator_unordered", **options)
 
 
 def deaths(backend: Backend) -> type[Exception]:
-    """Return the error of a worker that died before it had a result."""
+    """Return the type of the error that a worker's death raises."""
     return BrokenExecutor if backend == "processes" else _ray().exceptions.RayError
 
 
 def _follow(parent: int) -> None:
-    """Leave interrupts and coverage to the parent, and end with it, which may be killed."""
+    """Let a worker ignore interrupts, which the parent handles, and end when the parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore", CoverageWarning)  # the parent has warned before work began
 
@@ -77,6 +78,7 @@ def _follow(parent: int) -> None:
 
 
 def _ray() -> Any:
+    """Return the module `ray`, or raise an error with the line that installs it."""
     try:
         return importlib.import_module("ray")
     except ImportError as error:
@@ -86,15 +88,15 @@ def _ray() -> Any:
 
 
 def _ray_cpus() -> int:
-    """Return the CPUs of the Ray cluster, or of one that starts on this machine."""
+    """Return the number of CPUs of the Ray cluster; without one, Ray starts on this machine."""
     ray = _ray()
     if not ray.is_initialized():
         try:
             ray.init(log_to_driver=False, logging_level="ERROR")
         except (ConnectionError, RuntimeError, ValueError) as error:
-            where = os.environ.get("RAY_ADDRESS", "this machine")
+            address = os.environ.get("RAY_ADDRESS", "this machine")
             reason = str(error).partition("\n")[0]
             raise InvalidInputError(
-                f"backend 'ray': no cluster answers at {where}: {reason}"
+                f"backend 'ray': no cluster answers at {address}: {reason}"
             ) from error
     return int(ray.cluster_resources().get("CPU", 0))

@@ -14,8 +14,7 @@ from hcbf_gym.errors import InvalidInputError, UnknownNameError, instance, reals
 from hcbf_gym.records import whole
 
 _FOLDER = Path(__file__).parent / "baselines"
-CLIP = 10.0
-"""Normalised observations are cut here, as in training."""
+CLIP = 10.0  # the bound of the entries of a normalised observation, as in training
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 
 
@@ -26,13 +25,13 @@ class LearnedPolicy:
     Args:
         weights: each layer's (n_out, n_in).
         biases: each layer's (n_out,).
-        mean: (n,) of the observations.
-        scale: (n,) their standard deviation; infinite where an entry is to be ignored.
+        mean: (n,) the mean of the observations.
+        scale: (n,) their standard deviation; infinite for entries that are ignored.
         low: (2,) least acceleration [m/s²].
         high: (2,) greatest acceleration [m/s²].
-        activation: between the layers, "tanh" or "relu".
-        squash: "clip" or "tanh", what confines the last layer's output to [−1, 1].
-        about: how it was trained.
+        activation: the function between the layers, "tanh" or "relu".
+        squash: the function that bounds the last layer's output to [−1, 1], "clip" or "tanh".
+        about: configuration and versions of the training.
     """
 
     weights: tuple[Array, ...]
@@ -47,12 +46,12 @@ class LearnedPolicy:
 
     def __call__(self, observation: Array, info: Info) -> Array:
         """Return u* (…, 2) [m/s²] for one observation (n,) or a batch (N, n)."""
-        seen = reals("observation", observation)
-        if seen.shape[-1:] != self.mean.shape:
+        observation = reals("observation", observation)
+        if observation.shape[-1:] != self.mean.shape:
             raise InvalidInputError(
-                f"observation: got shape {seen.shape}, expected (…, {self.mean.size})"
+                f"observation: got shape {observation.shape}, expected (…, {self.mean.size})"
             )
-        x = np.clip((seen - self.mean) / self.scale, -CLIP, CLIP)
+        x = np.clip((observation - self.mean) / self.scale, -CLIP, CLIP)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = ACTIVATIONS[self.activation](x @ weight.T + bias)
         x = x @ self.weights[-1].T + self.biases[-1]
@@ -60,14 +59,11 @@ class LearnedPolicy:
         return 0.5 * (self.high + self.low) + 0.5 * (self.high - self.low) * x
 
     def save(self, path: Path) -> None:
-        """Write the policy to an .npz file, in one move."""
-        layers: dict[str, Any] = {
-            f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)
-        }
+        """Write the policy to an .npz file, whole or not at all."""
+        layers: dict[str, Any] = {}
+        layers |= {f"weight{i}": w.astype(np.float32) for i, w in enumerate(self.weights)}
         layers |= {f"bias{i}": b.astype(np.float32) for i, b in enumerate(self.biases)}
-        about = json.dumps(
-            {"activation": self.activation, "squash": self.squash, "about": self.about}
-        )
+        header = {"activation": self.activation, "squash": self.squash, "about": self.about}
         with whole(path) as partial:
             np.savez_compressed(
                 partial,
@@ -76,7 +72,7 @@ class LearnedPolicy:
                 scale=self.scale,
                 low=self.low,
                 high=self.high,
-                header=np.array(about),
+                header=np.array(json.dumps(header)),
             )
 
 
@@ -93,7 +89,7 @@ def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy
         InvalidInputError: if the file holds no policy, or it was trained for observations of
             another shape; the message names both.
     """
-    policy, shape = read(file_of(name)), _observed(env)
+    policy, shape = read(file_of(name)), _observation_shape(env)
     if policy.mean.shape != shape:
         raise InvalidInputError(
             f"policy {str(name)!r}: got observations of shape {shape}, "
@@ -103,7 +99,7 @@ def load(name: str | Path, env: gym.Env | gym.vector.VectorEnv) -> LearnedPolicy
 
 
 def file_of(name: str | Path) -> Path:
-    """Return the file of a learned policy."""
+    """Return the file of a learned policy, which is one of `names()` or an .npz file."""
     path = Path(text("policy", name))
     if path.suffix == ".npz":
         return path
@@ -115,19 +111,16 @@ def file_of(name: str | Path) -> Path:
 
 
 def fitting(env: gym.Env | gym.vector.VectorEnv) -> list[str]:
-    """Return the names of the package's policies that were trained for an environment's shape."""
-    shape = _observed(env)
+    """Return the policies of this package that take observations of an environment's shape."""
+    shape = _observation_shape(env)
     return [name for name in names() if read(file_of(name)).mean.shape == shape]
 
 
-def _observed(env: gym.Env | gym.vector.VectorEnv) -> tuple[int, ...]:
-    """Return the shape of an environment's observations, one of a vector's."""
+def _observation_shape(env: gym.Env | gym.vector.VectorEnv) -> tuple[int, ...]:
+    """Return the shape of one robot's observation."""
     instance("env", env, gym.Env, gym.vector.VectorEnv)
-    space = (
-        env.single_observation_space
-        if isinstance(env, gym.vector.VectorEnv)
-        else env.observation_space
-    )
+    is_vector = isinstance(env, gym.vector.VectorEnv)
+    space = env.single_observation_space if is_vector else env.observation_space
     if not isinstance(space, spaces.Box):
         raise InvalidInputError(
             f"policy: got observations of {space}, expected a Box: put the environment in "

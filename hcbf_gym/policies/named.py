@@ -35,14 +35,14 @@ FORMS = "file.py:function, module:function, model.zip, policy.onnx or policy.pt"
 
 
 def register(name: str, make: Make) -> None:
-    """Name a policy for `hcbf evaluate --policy` and `make`.
+    """Give a policy a name, for `hcbf evaluate --policy` and `make`.
 
     Args:
-        name: without colon, dot and slash, which names of files and functions have.
+        name: a name without colon, dot and slash, which mark functions and files.
         make: (environment) → the policy of one episode in it.
 
     Raises:
-        InvalidInputError: if the name is taken or no name, or `make` is no function.
+        InvalidInputError: if the name is taken or invalid, or `make` is no function.
     """
     name = text("policy", name)
     if not name or set(name) & set(":./") or name in _NAMED:
@@ -56,7 +56,7 @@ def register(name: str, make: Make) -> None:
 
 
 def names() -> list[str]:
-    """Return the names of policies that are registered."""
+    """Return the names of the registered policies."""
     return list(_NAMED)
 
 
@@ -64,20 +64,19 @@ def make(name: str, env: gym.Env) -> Policy:
     """Return a policy for one episode in an environment.
 
     A function is called as (observation, info) → action; a class without arguments is constructed
-    A function is called as (observation, info) → action; a class without arguments is constructed
-    for every episode. A zip is from ``model.save`` of Stable-Baselines3, its actions stretched from
-    the range that it learned in to the environment's; an ONNX file or a torch module maps an
-    observation to an action, which is cut to the environment's range. Zips and torch files hold
+    for every episode. A zip is from ``model.save`` of Stable-Baselines3; its actions are stretched
+    from the range of its training to the environment's. An ONNX file or a torch module maps an
+    observation to an action, which is clipped to the environment's range. Zips and torch files hold
     pickles, which run code: take them only from sources that you trust.
 
     Args:
         name: one of `names()`, an .npz file, or one of `FORMS`.
-        env: the environment, whose spaces it has to fit.
+        env: the environment, whose spaces the policy has to fit.
 
     Raises:
-        UnknownNameError: if there is no such policy; the message lists those that are.
+        UnknownNameError: if there is no such policy; the message lists the names.
         MissingDependencyError: if the file's reader is not installed.
-        InvalidInputError: if the file or function is none, or of other spaces.
+        InvalidInputError: if the file or the function holds no policy, or one for other spaces.
     """
     check(name)
     name = str(name)
@@ -85,14 +84,16 @@ def make(name: str, env: gym.Env) -> Policy:
     if name in _NAMED:
         return _NAMED[name](env)
     if loading.is_function(name):
-        found: Any = loading.function("policy", name)
+        function: Any = loading.function("policy", name)
+        if not inspect.isclass(function):
+            return function
         try:
-            made: Any = found() if inspect.isclass(found) else found
+            policy: Any = function()
         except TypeError as error:
             raise InvalidInputError(
                 f"policy: got {name!r} ({error}), expected a class without arguments"
             ) from error
-        return made
+        return policy
     reader = _READERS.get(Path(name).suffix)
     if reader is None:
         return learned.load(name, env)
@@ -104,10 +105,10 @@ def make(name: str, env: gym.Env) -> Policy:
 
 
 def check(name: str) -> None:
-    """Refuse a name that `make` does not take, without an environment.
+    """Refuse a name that `make` refuses with any environment.
 
     Raises:
-        UnknownNameError: if there is no such policy; the message lists those that are.
+        UnknownNameError: if there is no such policy; the message lists the names.
         InvalidInputError: if there is no such function or file.
     """
     name = text("policy", name)
@@ -124,12 +125,12 @@ def check(name: str) -> None:
 
 
 def is_own(name: str) -> bool:
-    """Return whether a name is one of `FORMS`, or of an .npz file."""
+    """Return whether a name is a user's: one of `FORMS`, or an .npz file."""
     return loading.is_function(name) or Path(name).suffix in {".npz", *_READERS}
 
 
 def files(name: str) -> list[Path]:
-    """Return the user's files that decide what a policy does; none for the package's own."""
+    """Return the user's files that decide a policy's actions; none for the package's policies."""
     if loading.is_function(name):
         return loading.files(name)
     return [Path(name)] if Path(name).is_file() else []
@@ -140,8 +141,8 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
 
     Raises:
         HcbfError: as `make` does.
-        InvalidInputError: if the policy raises an error, or its answer has another shape than an
-            action or is not finite.
+        InvalidInputError: if the policy raises an error, or returns no finite numbers of the shape
+            of an action.
     """
     policy = make(name, env)
     if seed is not None:
@@ -169,19 +170,19 @@ def try_out(name: str, env: gym.Env, seed: int = 0) -> Any:
 
 
 def _shape(space: gym.Space) -> Any:
-    """Return the shape of a space's entries, key → shape of a Dict; the space itself of others."""
+    """Return a Box's shape, key → shape of a Dict, and any other space itself, for messages."""
     if isinstance(space, spaces.Dict):
-        return {key: _shape(part) for key, part in space.spaces.items()}
+        return {key: _shape(entry) for key, entry in space.spaces.items()}
     return space.shape if isinstance(space, spaces.Box) else space
 
 
 def _first_line(error: Exception) -> str:
-    """Return the type and the first line of an error."""
+    """Return the type and the first line of an error as text."""
     return f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
 
 
 def _check_box(path: Path, space: gym.Space) -> tuple[int, ...]:
-    """Return the shape of observations, which have to be arrays."""
+    """Return the shape of a space of observations; refuse one whose elements are no arrays."""
     if isinstance(space, spaces.Box):
         return space.shape
     raise InvalidInputError(
@@ -191,22 +192,23 @@ def _check_box(path: Path, space: gym.Space) -> tuple[int, ...]:
     )
 
 
-def _of_onnx(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
-    network = loading.Network(path, (_check_box(path, seen)[0], actions.shape[0]))
+def _read_onnx(path: Path, observations: gym.Space, actions: spaces.Box) -> Policy:
+    """Return the policy of an ONNX network."""
+    network = loading.Network(path, (_check_box(path, observations)[0], actions.shape[0]))
     return lambda observation, info: np.clip(network(observation), actions.low, actions.high)
 
 
-def _of_torch(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
+def _read_torch(path: Path, observations: gym.Space, actions: spaces.Box) -> Policy:
     """Return the policy of a torch module that was saved whole, or as TorchScript."""
     require(f"policy {path.name}", "rl", "torch")
-    _check_box(path, seen)
+    _check_box(path, observations)
     torch: Any = importlib.import_module("torch")
     expected = "expected a module: torch.save(module, path), or torch.jit.script(module).save(path)"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of how torch would rather have it saved
+        warnings.simplefilter("ignore")  # torch warns of either format
         try:
             module = torch.jit.load(path, map_location="cpu")
-        except RuntimeError:  # no TorchScript
+        except RuntimeError:  # the file is no TorchScript
             try:
                 module = torch.load(path, map_location="cpu", weights_only=False)
             except Exception as error:  # of unpickling
@@ -214,61 +216,63 @@ def _of_torch(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
                     f"policy: got {str(path)!r} ({_first_line(error)}), {expected}"
                 ) from error
     if not isinstance(module, torch.nn.Module):
-        kind = "a state_dict, which has no network" if isinstance(module, dict) else repr(module)
-        raise InvalidInputError(f"policy: got {kind}, in {str(path)!r}, {expected}")
+        got = "a state_dict, which has no network" if isinstance(module, dict) else repr(module)
+        raise InvalidInputError(f"policy: got {got}, in {str(path)!r}, {expected}")
     module.eval()
     dtype = next((p.dtype for p in module.parameters()), torch.float32)
 
     def act(observation: Array, info: Info) -> NDArray[Any]:
         with torch.no_grad():
-            given = torch.as_tensor(np.asarray(observation), dtype=dtype)
-            return np.clip(module(given[None])[0].numpy(), actions.low, actions.high)
+            batch = torch.as_tensor(np.asarray(observation), dtype=dtype)[None]
+            return np.clip(module(batch)[0].numpy(), actions.low, actions.high)
 
     return act
 
 
-def _of_stable_baselines(path: Path, seen: gym.Space, actions: spaces.Box) -> Policy:
+def _read_stable_baselines(path: Path, observations: gym.Space, actions: spaces.Box) -> Policy:
     """Return the policy of a zip that ``model.save`` wrote, with actions in the right range."""
     require(f"policy {path.name}", "rl", "stable_baselines3")
     sb3: Any = importlib.import_module("stable_baselines3")
-    saving: Any = importlib.import_module("stable_baselines3.common.save_util")
+    save_util: Any = importlib.import_module("stable_baselines3.common.save_util")
     expected = "expected what model.save of Stable-Baselines3's PPO, A2C, SAC, TD3 or DDPG wrote"
-    kinds = (sb3.PPO, sb3.SAC, sb3.TD3)  # A2C has the policies of PPO, DDPG those of TD3
+    algorithms = (sb3.PPO, sb3.SAC, sb3.TD3)  # A2C has the policies of PPO, DDPG those of TD3
     try:
-        kind = saving.load_from_zip_file(path, device="cpu")[0]["policy_class"]
-        fitting = [one for one in kinds if issubclass(kind, tuple(one.policy_aliases.values()))]
+        policy_type = save_util.load_from_zip_file(path, device="cpu")[0]["policy_class"]
+        fitting = [
+            a for a in algorithms if issubclass(policy_type, tuple(a.policy_aliases.values()))
+        ]
         if not fitting:
-            raise TypeError(f"holds a {kind.__name__}")
+            raise TypeError(f"holds a {policy_type.__name__}")
         model = fitting[0].load(path, device="cpu")
     except Exception as error:  # of unzipping and unpickling
         raise InvalidInputError(
             f"policy: got {str(path)!r} ({_first_line(error)}), {expected}"
         ) from error
-    got = _shape(model.observation_space), model.action_space.shape
-    fitted = _shape(seen), actions.shape
-    if got != fitted:
+    model_shapes = _shape(model.observation_space), model.action_space.shape
+    env_shapes = _shape(observations), actions.shape
+    if model_shapes != env_shapes:
         raise InvalidInputError(
-            f"policy: got a model of observations of shape {got[0]} and actions of shape {got[1]} "
-            f"in {path.name}, expected {fitted[0]} and {fitted[1]} of the environment"
+            f"policy: got a model of observations of shape {model_shapes[0]} and actions of shape "
+            f"{model_shapes[1]} in {path.name}, expected {env_shapes[0]} and {env_shapes[1]} of "
+            "the environment"
         )
-    low, high = actions.low, actions.high
-    least, most = model.action_space.low, model.action_space.high
-    same = np.array_equal(low, least) and np.array_equal(high, most)
-    stretch = (high - low) / (most - least).astype(np.float64)
+    trained, low, high = model.action_space, actions.low, actions.high
+    has_same_range = np.array_equal(low, trained.low) and np.array_equal(high, trained.high)
+    stretch = (high - low) / (trained.high - trained.low).astype(np.float64)
 
     def act(observation: Any, info: Info) -> NDArray[Any]:
         action, _ = model.predict(observation, deterministic=True)
-        return action if same else low + (action - least) * stretch
+        return action if has_same_range else low + (action - trained.low) * stretch
 
     return act
 
 
 _READERS: dict[str, Callable[[Path, gym.Space, spaces.Box], Policy]] = {
-    ".zip": _of_stable_baselines,
-    ".onnx": _of_onnx,
-    ".pt": _of_torch,
+    ".zip": _read_stable_baselines,
+    ".onnx": _read_onnx,
+    ".pt": _read_torch,
 }
-"""Ending → reader of such a file."""
+"""Ending → the reader of such files: (path, observation space, action space) → policy."""
 
 register("pd", PDTracker.for_env)
 register("pd-ff", partial(PDTracker.for_env, feed_forward=True))

@@ -13,7 +13,7 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, flag,
 
 
 class Policy(Protocol):
-    """Anything that turns an observation and its info into a nominal acceleration u*."""
+    """A function of an observation and its info that returns a nominal acceleration u*."""
 
     def __call__(self, observation: Array, info: Info) -> NDArray[Any]:
         """Return u* (…, 2) [m/s²]."""
@@ -25,7 +25,7 @@ KP, KD = 2.0, 3.0
 
 
 def pd_law(position_error: Array, velocity_error: Array, kp: float = KP, kd: float = KD) -> Array:
-    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²] of errors in [m], [m/s]."""
+    """Return ``K_p (p_ref − p) + K_d (v_ref − v)`` (…, 2) [m/s²] of errors in [m] and [m/s]."""
     return kp * position_error + kd * velocity_error
 
 
@@ -40,7 +40,7 @@ class PDTracker:
         high: (2,) greatest acceleration [m/s²].
         kp: K_p [1/s²], not negative.
         kd: K_d [1/s], not negative.
-        feed_forward: add the reference's own acceleration.
+        feed_forward: whether to add the reference's acceleration.
 
     Raises:
         InvalidInputError: if a gain is negative or not finite, or the bounds are no pairs.
@@ -66,14 +66,14 @@ class PDTracker:
         """Return the controller for an environment of this package, single or vector.
 
         Args:
-            env: whose action space bounds u*.
-            gains: kp, kd, feed_forward.
+            env: the environment, whose action space bounds u*.
+            gains: the arguments kp, kd and feed_forward.
 
         Raises:
             InvalidInputError: if the actions are no accelerations, or a wrapper changes actions or
                 observations.
         """
-        space = _read_space(env)
+        space = _action_space(env)
         if not isinstance(space, spaces.Box) or space.shape != (2,):
             raise InvalidInputError(f"action space: got {space}, expected a Box of shape (2,)")
         return cls(space.low.astype(np.float64), space.high.astype(np.float64), **gains)
@@ -91,25 +91,23 @@ class PDTracker:
         return np.clip(u, self.low, self.high).astype(np.float32)
 
 
-_CHANGE_OBSERVATIONS = (gym.ObservationWrapper, gym.vector.VectorObservationWrapper)
+_OBSERVATION_WRAPPERS = (gym.ObservationWrapper, gym.vector.VectorObservationWrapper)
 
 
-def _read_space(env: Any) -> spaces.Space:
-    """Return the space of one environment's actions; refuse wrappers that change spaces."""
+def _action_space(env: Any) -> spaces.Space:
+    """Return the space of one robot's actions; refuse wrappers that change spaces."""
     inner = instance("env", env, gym.Env, gym.vector.VectorEnv).unwrapped
+    inner_spaces = (inner.action_space, inner.observation_space)
     while env is not inner:
-        same_spaces = all(
-            getattr(env, space) == getattr(inner, space)
-            for space in ("action_space", "observation_space")
-        )
-        if isinstance(env, _CHANGE_OBSERVATIONS) or not same_spaces:
+        has_spaces_of_inner = (env.action_space, env.observation_space) == inner_spaces
+        if isinstance(env, _OBSERVATION_WRAPPERS) or not has_spaces_of_inner:
             raise InvalidInputError(
                 f"environment: got {type(env).__name__}, which changes actions or observations; "
                 f"expected those of {inner}"
             )
         env = env.env
     if isinstance(inner, gym.vector.SyncVectorEnv):
-        return _read_space(inner.envs[0])
-    return (
-        inner.single_action_space if isinstance(inner, gym.vector.VectorEnv) else inner.action_space
-    )
+        return _action_space(inner.envs[0])
+    if isinstance(inner, gym.vector.VectorEnv):
+        return inner.single_action_space
+    return inner.action_space

@@ -1,11 +1,6 @@
-"""Callbacks of Stable-Baselines3 (SB3): reports with checkpoints, and learning what was applied.
-
-A *decision* is one action of one environment. The *curve* of a run is the list of its reports so
-far: each has the decisions ("steps"), the time of training [s] and the figures of `export.Report`.
-"""
+"""Callbacks of Stable-Baselines3 (SB3): reports with checkpoints, learning from applied actions."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,32 +11,25 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 from hcbf_gym.training import checkpoint
-from hcbf_gym.training.config import HELD_OUT, TrainingConfig, make_vector
+from hcbf_gym.training.config import HELD_OUT, Curve, Show, TrainingConfig, make_vector
 from hcbf_gym.training.export import export, report
 
-REPORT_SEED = HELD_OUT // 2
-"""Seed of the first scene of a report. Training has the seeds from `HELD_OUT` on, and evaluations
-count from 0: in the middle, the scenes that choose the best policy are those of neither."""
+REPORT_SEED = HELD_OUT // 2  # between the scenes of evaluations, which begin at 0, and of training
 
 
 class Reports(BaseCallback):
-    """Evaluates the policy on held-out scenes, keeps the best one, and saves a checkpoint.
+    """Evaluates the policy on held-out scenes, saves the best one, and saves checkpoints.
 
     Args:
-        config: of the run.
-        folder: of the run; `policy.npz` in it is the best policy so far.
+        config: the configuration of the run.
+        folder: the folder of the run; `policy.npz` in it is the best policy so far.
         curve: the reports so far, extended in place.
-        about: how the policy is trained, which is exported with it.
+        about: configuration and versions, which are exported with the policy.
         show: called with the decisions so far and the curve at every rollout.
     """
 
     def __init__(
-        self,
-        config: TrainingConfig,
-        folder: Path,
-        curve: list[dict[str, float]],
-        about: dict[str, Any],
-        show: Callable[[int, list[dict[str, float]]], None],
+        self, config: TrainingConfig, folder: Path, curve: Curve, about: dict[str, Any], show: Show
     ):
         super().__init__()
         self._config, self._folder, self._curve = config, folder, curve
@@ -64,7 +52,7 @@ class Reports(BaseCallback):
         self._show(self.num_timesteps, self._curve)
 
     def report(self) -> None:
-        """Evaluate the policy, log the result, keep the best policy, and save a checkpoint."""
+        """Evaluate the policy, log the result, save the best policy, and save a checkpoint."""
         config = self._config
         about = self._about | {"steps": self.num_timesteps}
         policy = export(self.model, _normalized(self), about)
@@ -82,13 +70,13 @@ class Reports(BaseCallback):
         checkpoint.save(self._folder, config, self.model, self._curve)
 
     def _is_best(self, result: dict[str, float]) -> bool:
-        """Return whether no report before has a greater success or, at the same, return."""
-        before = [(one["success"], one["returns"]) for one in self._curve]
-        return all((result["success"], result["returns"]) >= score for score in before)
+        """Return whether no earlier report has a greater success or, at equal success, return."""
+        score = result["success"], result["returns"]
+        return all(score >= (earlier["success"], earlier["returns"]) for earlier in self._curve)
 
 
 class LearnFromFiltered(BaseCallback):
-    """Replaces the action that the algorithm stores by the one that the filter made of it.
+    """Replaces each action that the algorithm stores by the filtered one, which was applied.
 
     SB3 calls `_on_step` between a step and its storage, with the local variables of
     `collect_rollouts` in `self.locals`. Their arrays are stored afterwards, so that writing into
@@ -99,25 +87,22 @@ class LearnFromFiltered(BaseCallback):
     def _on_step(self) -> bool:
         environments: Any = _normalized(self).venv  # `Sb3VecEnv`
         applied = environments.applied.astype(np.float32)  # (N, 2)
-        if "log_probs" in self.locals:
-            self._replace_on_policy(applied)
-        else:  # `OffPolicyAlgorithm`: SAC and TD3
-            self.locals["buffer_actions"][:] = applied  # (N, 2), for the replay buffer
+        if "log_probs" in self.locals:  # `OnPolicyAlgorithm`, the base of PPO
+            self.locals["log_probs"][:] = self._log_probability(applied)  # (N,)
+            self.locals["actions"][:] = applied  # (N, 2)
+        else:  # `OffPolicyAlgorithm`, the base of SAC and TD3, with a replay buffer
+            self.locals["buffer_actions"][:] = applied  # (N, 2)
         return True
 
-    def _replace_on_policy(self, applied: NDArray[np.float32]) -> None:
-        """Write into the locals of `OnPolicyAlgorithm`, PPO's base, for the rollout buffer."""
+    def _log_probability(self, actions: NDArray[np.float32]) -> torch.Tensor:
+        """Return (N,) the log-probability of actions (N, 2) under the present policy."""
         policy: Any = self.model.policy
         with torch.no_grad():
-            _, log_probability, _ = policy.evaluate_actions(
-                self.locals["obs_tensor"], torch.as_tensor(applied)
-            )
-        self.locals["actions"][:] = applied  # (N, 2)
-        self.locals["log_probs"][:] = log_probability  # (N,)
+            return policy.evaluate_actions(self.locals["obs_tensor"], torch.as_tensor(actions))[1]
 
 
 def _normalized(callback: BaseCallback) -> VecNormalize:
-    """Return the training environments, which `make_env` has normalised."""
+    """Return the training environments in the normalisation that `make_env` puts around them."""
     env = callback.model.get_vec_normalize_env()
     assert env is not None
     return env

@@ -1,4 +1,4 @@
-"""Checkpoints from which a killed run continues bit for bit."""
+"""Checkpoints from which an interrupted run continues bit for bit."""
 
 import os
 import pickle
@@ -14,18 +14,18 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.training.config import ALGORITHMS, TrainingConfig
+from hcbf_gym.training.config import ALGORITHMS, Curve, TrainingConfig
 
 _FOLDER = "checkpoint"
+_OLD_FOLDER = "checkpoint.old"  # exists alone if a run was killed while it replaced the checkpoint
 
 
-def save(
-    folder: Path, config: TrainingConfig, model: BaseAlgorithm, curve: list[dict[str, float]]
-) -> None:
-    """Replace the folder's checkpoint in one move: being killed meanwhile leaves the old one."""
+def save(folder: Path, config: TrainingConfig, model: BaseAlgorithm, curve: Curve) -> None:
+    """Save a run's checkpoint, and then replace the old one, which remains if the run is killed."""
     env = model.get_vec_normalize_env()
     assert env is not None
-    fresh, current, old = (folder / f"{_FOLDER}{suffix}" for suffix in (".new", "", ".old"))
+    current, old = folder / _FOLDER, folder / _OLD_FOLDER
+    fresh = folder / f"{_FOLDER}.new"  # renamed when it is complete
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
     model.save(fresh / "model.zip")
@@ -49,40 +49,37 @@ def save(
 
 
 def find(folder: Path) -> Path | None:
-    """Return the run's newest whole checkpoint, if there is one."""
-    for suffix in ("", ".old"):
-        if (folder / f"{_FOLDER}{suffix}").exists():
-            return folder / f"{_FOLDER}{suffix}"
+    """Return the folder of a run's newest complete checkpoint; None if there is none."""
+    for checkpoint in (folder / _FOLDER, folder / _OLD_FOLDER):
+        if checkpoint.exists():
+            return checkpoint
     return None
 
 
 def resume(
     checkpoint: Path, config: TrainingConfig, tensorboard: str | None
-) -> tuple[BaseAlgorithm, list[dict[str, float]]]:
-    """Return the model, with its environments, and the evaluations up to the checkpoint.
+) -> tuple[BaseAlgorithm, Curve]:
+    """Return the model, with its environments, and the curve up to a checkpoint.
 
-    It is unpickled, so it must be of this package and machine; the number of steps may differ.
+    A checkpoint holds pickles, so resume only those of your own runs. The configuration may differ
+    from the saved one in `steps`.
 
     Raises:
         InvalidInputError: if the checkpoint belongs to another run, or cannot be read.
     """
     try:
         state: dict[str, Any] = pickle.loads((checkpoint / "state.pkl").read_bytes())
-    except Exception as error:  # a pickle that is cut, or of another version, raises anything
+    except Exception as error:  # a truncated pickle, or one of another version, may raise any type
         raise InvalidInputError(
             f"resume: got {checkpoint} that cannot be read ({error}), expected what this version "
             "saved; begin anew in another --output"
         ) from error
-    saved = state["config"]
-    differing = [
-        name
-        for name in vars(config)
-        if name != "steps" and getattr(config, name) != getattr(saved, name)
-    ]
+    given, saved = vars(config), vars(state["config"])
+    differing = [name for name in given if name != "steps" and given[name] != saved[name]]
     if differing:
         raise InvalidInputError(
-            f"resume: got {[(name, getattr(config, name)) for name in differing]}, "
-            f"expected {[(name, getattr(saved, name)) for name in differing]} as in {checkpoint}"
+            f"resume: got {[(name, given[name]) for name in differing]}, "
+            f"expected {[(name, saved[name]) for name in differing]} as in {checkpoint}"
         )
     env: VecNormalize = state["normalization"]
     env.set_venv(state["environments"])

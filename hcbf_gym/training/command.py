@@ -1,11 +1,11 @@
 """Train policies on the reduced-order model with a safety filter in the loop, or without one.
 
-Each seed leaves policy.npz, which `hcbf evaluate --policy` takes, training.json and a
-checkpoint in its folder; curves.png and curves.json show all seeds. Needs the extra `rl`.
+The folder of each seed has policy.npz, which `hcbf evaluate --policy` takes, training.json and a
+checkpoint. curves.png and curves.json have the learning curves of all seeds. Needs the extra `rl`.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from hcbf_gym.arguments import Count, Folder
 from hcbf_gym.errors import InvalidInputError, require
 from hcbf_gym.evaluation.output_folder import write_json
 from hcbf_gym.training import TrainingConfig, checkpoint, train
+from hcbf_gym.training.config import Curve
 
 RESUMED = "the same command with --resume continues from the last checkpoint"
 """Printed after Ctrl-C."""
@@ -26,7 +27,7 @@ RESUMED = "the same command with --resume continues from the last checkpoint"
 
 @dataclass(frozen=True)
 class Args:
-    """What to train, and where to leave it."""
+    """The training runs, and where their results are saved."""
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
     """The run; its seed is the first of `seeds`."""
@@ -35,16 +36,15 @@ class Args:
     output: Folder = Path("results/train")
     """Folder; each run has a subfolder of it."""
     resume: bool = False
-    """Go on from each run's checkpoint, if there is one."""
+    """Continue from each run's checkpoint, if there is one."""
     tensorboard: bool = False
-    """Log to the run's subfolder `tensorboard`, what the filter did included."""
+    """Log to the run's subfolder `tensorboard`, the filter's interventions included."""
 
 
 def main(args: Args) -> None:
     """Train with every seed and draw the learning curves."""
     if args.tensorboard:
         require("--tensorboard", "rl", "tensorboard")
-    curves = {}
     seeds = range(args.config.seed, args.config.seed + args.seeds)
     folders = {seed: args.output / f"seed-{seed}" for seed in seeds}
     for folder in folders.values():
@@ -52,25 +52,29 @@ def main(args: Args) -> None:
             raise InvalidInputError(
                 f"output: {folder} holds a run, expected --resume or another --output"
             )
-    for seed, folder in folders.items():
-        config = replace(args.config, seed=seed)
-        with Progress(*Progress.get_default_columns(), TimeElapsedColumn()) as progress:
-            bar = progress.add_task(f"seed {seed}", total=config.total_steps)
-
-            def show(steps: int, curve: list[dict[str, float]]) -> None:
-                success = f", held-out success {curve[-1]['success']:.1%}" if curve else ""
-                progress.update(bar, completed=steps, description=f"seed {seed}{success}")  # noqa: B023
-
-            train(config, folder, args.resume, args.tensorboard, show)
-        text = (folder / "training.json").read_text(encoding="utf-8")
-        curves[f"seed {seed}"] = json.loads(text)["curve"]
+    curves = {f"seed {seed}": _train_seed(args, seed, folders[seed]) for seed in seeds}
     write_json(args.output / "curves.json", curves)
     plot_curves(curves, args.output / "curves.png")
     Console().print(f"policies and curves in {args.output}")
 
 
-def plot_curves(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path) -> None:
-    """Draw success and return on held-out scenes over the decisions and the time they took."""
+def _train_seed(args: Args, seed: int, folder: Path) -> Curve:
+    """Train with one seed under a progress bar, and return the learning curve."""
+    config = replace(args.config, seed=seed)
+    with Progress(*Progress.get_default_columns(), TimeElapsedColumn()) as progress:
+        bar = progress.add_task(f"seed {seed}", total=config.total_steps)
+
+        def show(steps: int, curve: Curve) -> None:
+            success = f", held-out success {curve[-1]['success']:.1%}" if curve else ""
+            progress.update(bar, completed=steps, description=f"seed {seed}{success}")
+
+        train(config, folder, args.resume, args.tensorboard, show)
+    text = (folder / "training.json").read_text(encoding="utf-8")
+    return json.loads(text)["curve"]
+
+
+def plot_curves(curves: Mapping[str, Curve], path: Path) -> None:
+    """Draw the success of each labelled run over its decisions, and over the time they took."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     FigureCanvasAgg(figure)
     by_steps, by_time = figure.subplots(1, 2, sharey=True)

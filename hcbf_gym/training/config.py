@@ -1,5 +1,6 @@
 """The configuration of a training run, its environments, and its algorithm."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -24,12 +25,18 @@ except ImportError as error:
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 
-HELD_OUT = 1_000_000
-"""Training draws its scenes from seeds at and above this one, so that those below are held out."""
+Curve = list[dict[str, float]]
+"""The reports of a run, each with its decisions ("steps"), where a decision is one action of one
+environment, the time of training ("seconds_spent") [s], and the figures of `export.Report`."""
+Show = Callable[[int, Curve], None]
+"""A function that shows the progress of a run: (decisions so far, curve) → None."""
 
-_ENVIRONMENTS = {"ppo": 256, "sac": 32, "td3": 32}
+HELD_OUT = 1_000_000  # the least seed of training scenes, so that those of lesser are held out
+
+_NUM_ENVS = {"ppo": 256, "sac": 32, "td3": 32}
 _STEPS = {"ppo": 1_000_000, "sac": 200_000, "td3": 200_000}
-_BUFFER = 200_000
+_BUFFER_SIZE = 200_000  # the decisions that SAC and TD3 learn from
+_TD3_NOISE = 0.2  # standard deviation of the actions' noise, as a share of half their range
 _OPTIONS: dict[str, dict[str, Any]] = {
     "ppo": {
         "n_steps": 64,
@@ -52,7 +59,7 @@ class TrainingConfig:
     scenario: str = "random"
     """A scene whose task is to reach a goal."""
     filter: Literal["off", "on", "penalty"] = "on"
-    """Whether a safety filter stands in the loop, and whether its interventions cost reward."""
+    """Whether a safety filter is in the loop, and whether its interventions cost reward."""
     program: str = "lex-cbf-qp"
     """The filter's program."""
     guidance: Literal["geodesic"] | None = None
@@ -60,7 +67,7 @@ class TrainingConfig:
     penalty: Amount = 0.005
     """Price of an intervention, with filter "penalty" [s²/m]."""
     learn_from: Literal["nominal", "filtered"] = "nominal"
-    """Which action the algorithm learns from: its own, or what the filter made of it."""
+    """The action that the algorithm learns from: its own, or the filtered one."""
     steps: Annotated[int, Range(1, 10**12)] | None = None
     """Decisions over all environments [default: ppo 1000000, sac and td3 200000]."""
     num_envs: Count | None = None
@@ -72,7 +79,7 @@ class TrainingConfig:
     network: tuple[Annotated[int, Range(1, 65_536)], ...] = (64, 64)
     """Widths of the hidden layers."""
     seed: Annotated[int, Range(0, 2**32 - 1)] = 0
-    """Decides everything."""
+    """Seed of the scenes, the network and the algorithm."""
     report_every: Count = 150_000
     """Decisions between two evaluations on held-out scenes, each followed by a checkpoint."""
     report_episodes: Count = 200
@@ -86,7 +93,7 @@ class TrainingConfig:
     @property
     def n(self) -> int:
         """The number of environments."""
-        return _ENVIRONMENTS[self.algorithm] if self.num_envs is None else self.num_envs
+        return _NUM_ENVS[self.algorithm] if self.num_envs is None else self.num_envs
 
     @property
     def total_steps(self) -> int:
@@ -102,7 +109,7 @@ class TrainingConfig:
 def make_vector(
     scenario: str, n: int, program: str | None, guidance: str | None = None
 ) -> gym.vector.VectorEnv:
-    """Return n native environments that do not reset themselves, filtered if a program is named.
+    """Return n native environments that do not reset themselves, filtered if there is a program.
 
     Raises:
         HcbfError: if the scenario or program is not registered, or the task is not "reach".
@@ -115,7 +122,7 @@ def make_vector(
 
 
 def make_env(config: TrainingConfig) -> VecNormalize:
-    """Return the training environments, normalised."""
+    """Return the training environments as SB3 takes them, with normalised observations."""
     env = make_vector(config.scenario, config.n, config.in_the_loop, config.guidance)
     if config.filter == "penalty":
         env = VectorInterventionPenalty(env, config.penalty)
@@ -124,18 +131,16 @@ def make_env(config: TrainingConfig) -> VecNormalize:
 
 
 def make_model(config: TrainingConfig, env: VecNormalize, tensorboard: str | None) -> BaseAlgorithm:
-    """Return the untrained algorithm."""
+    """Return the untrained algorithm, which logs to the folder `tensorboard` if there is one."""
     options = dict(_OPTIONS[config.algorithm])
-    options["policy_kwargs"] = {
-        "net_arch": list(config.network),
-        **options.get("policy_kwargs", {}),
-    }
+    layers = {"net_arch": list(config.network)}
+    options["policy_kwargs"] = layers | options.get("policy_kwargs", {})
     if config.algorithm == "ppo":
         options["batch_size"] = min(options["batch_size"], config.n * options["n_steps"])
     else:
-        options["buffer_size"] = min(_BUFFER, config.total_steps)
+        options["buffer_size"] = min(_BUFFER_SIZE, config.total_steps)
     if config.algorithm == "td3":
-        options["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, 0.2))
+        options["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, _TD3_NOISE))
     algorithm: Any = ALGORITHMS[config.algorithm]
     model = algorithm(
         "MlpPolicy",
@@ -146,5 +151,5 @@ def make_model(config: TrainingConfig, env: VecNormalize, tensorboard: str | Non
         tensorboard_log=tensorboard,
         **options,
     )
-    env.seed(HELD_OUT * (1 + config.seed))
+    env.seed(HELD_OUT * (1 + config.seed))  # other scenes in each run
     return model

@@ -1,4 +1,4 @@
-"""From a trained SB3 model to a policy that needs no SB3, and how well it does."""
+"""Export of a trained SB3 model as a policy that needs no SB3, and the policy's evaluation."""
 
 from typing import Any, NamedTuple
 
@@ -14,11 +14,11 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.batch import rollout_batch
 from hcbf_gym.policies.learned import LearnedPolicy
 
-UNSEEN = 1e-5  # variance of an observation's entry below which it counts as constant
+LEAST_VARIANCE = 1e-5  # with less variance an entry of the observation counts as constant
 
 
 def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> LearnedPolicy:
-    """Return the model's deterministic policy with the normalisation of its observations."""
+    """Return a model's deterministic policy with the normalisation of its environments."""
     policy: Any = model.policy
     if isinstance(model, PPO):
         modules = [*policy.mlp_extractor.policy_net, policy.action_net]
@@ -30,9 +30,9 @@ def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> Le
     bounds = env.get_attr("single_action_space")[0]
     assert isinstance(bounds, spaces.Box)
     variance = env.obs_rms.var  # type: ignore[union-attr]
-    # what never varied in training, such as the motion of regions at rest, was never learned from:
-    # an infinite scale keeps it at the zero that the network saw
-    scale = np.where(variance > UNSEEN, np.sqrt(variance + env.epsilon), np.inf)
+    # Entries that were constant in training, such as the velocity of regions at rest, were zero for
+    # the network after normalisation. An infinite scale keeps them at zero.
+    scale = np.where(variance > LEAST_VARIANCE, np.sqrt(variance + env.epsilon), np.inf)
     return LearnedPolicy(
         weights=tuple(layer.weight.detach().double().numpy().copy() for layer in linear),
         biases=tuple(layer.bias.detach().double().numpy().copy() for layer in linear),
@@ -47,7 +47,7 @@ def export(model: BaseAlgorithm, env: VecNormalize, about: dict[str, Any]) -> Le
 
 
 class Report(NamedTuple):
-    """How a policy did over a set of scenes."""
+    """The figures of a policy over a set of scenes."""
 
     success: float  # share of episodes that reached the goal
     returns: float  # mean return
@@ -56,11 +56,11 @@ class Report(NamedTuple):
 
 
 def report(policy: LearnedPolicy, env: VectorEnv, seed: int) -> Report:
-    """Run one episode in each of N native environments, with a decision at every control step."""
-    run = rollout_batch(env, policy, seed)
+    """Return the figures of one episode in each native environment, with a decision every step."""
+    episodes = rollout_batch(env, policy, seed)
     return Report(
-        success=float(run.terminated.mean()),
-        returns=float(run.reward.sum(axis=0).mean()),
-        seconds=float(CONTROL_DT * run.steps.mean()),
-        intervention=float(run.intervention.sum() / run.steps.sum()),
+        success=float(episodes.terminated.mean()),
+        returns=float(episodes.reward.sum(axis=0).mean()),
+        seconds=float(CONTROL_DT * episodes.steps.mean()),
+        intervention=float(episodes.intervention.sum() / episodes.steps.sum()),
     )

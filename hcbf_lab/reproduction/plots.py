@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from hcbf_gym import scenarios
 from hcbf_gym.arrays import Array
 from hcbf_gym.drawing.palette import PROGRAM_COLORS, priority_color
-from hcbf_gym.drawing.scene_plot import draw_scene, legend_below
+from hcbf_gym.drawing.scene_labels import legend_below
+from hcbf_gym.drawing.scene_plot import draw_scene
 from hcbf_gym.evaluation.episode_plot import new_figure
 from hcbf_gym.evaluation.rollouts import Episode
 from hcbf_lab.tuning import Samples, Trajectories

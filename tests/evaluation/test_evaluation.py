@@ -15,7 +15,7 @@ from scipy.stats import binom
 from hcbf_gym import HcbfError, policies, programs, wrappers
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.batch import rollout_batch
-from hcbf_gym.evaluation.command import column_names
+from hcbf_gym.evaluation.comparison import column_names
 from hcbf_gym.evaluation.jobs import Runs, key
 from hcbf_gym.evaluation.measures import deadlocked
 from hcbf_gym.evaluation.rollouts import Case, Job, aggregate, evaluate
