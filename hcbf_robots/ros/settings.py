@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from hcbf_gym import programs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.models.clocks import AHEAD
-from hcbf_robots.ros.parameter import parameter, table
+from hcbf_robots.ros.parameter import parameter, parameters_of
 
 GRIDS = ("map", "keepout", "speed")
 """Types of sources that are occupancy grids."""
@@ -150,8 +150,8 @@ class Settings:
     sources: tuple[SourceSettings, ...] = ()
 
 
-OF_NODE = table(Settings)
-OF_SOURCE = table(SourceSettings)
+OF_NODE = parameters_of(Settings)
+OF_SOURCE = parameters_of(SourceSettings)
 FOREIGN = ("use_sim_time", "qos_overrides", "start_type_description_service")
 """First parts of the parameters that ROS declares in every node."""
 DESCRIBED = (
