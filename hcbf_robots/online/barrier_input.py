@@ -1,12 +1,11 @@
 """The barriers that the user of a velocity filter sets, their stamp, and the cap on the speed."""
 
 import math
-import operator
 from collections.abc import Sequence
 from typing import Any
 
 from hcbf_gym.barriers import SpeedLimit
-from hcbf_gym.barriers.many import Element, is_list
+from hcbf_gym.barriers.many import Element, are_same, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import (
     InvalidInputError,
@@ -42,7 +41,7 @@ class BarrierInput:
         self._times = times
         self._seen_at: float | None = None  # on the robot's clock [s]; None for no stamp
         self.guidance_follows = True
-        self._last_list: object = None  # the objects that were set last
+        self._last_list: tuple[Any, ...] | None = None  # the objects that were set last
         self._is_new = True  # whether guidance has not taken up the barriers
         self.forget()
 
@@ -55,8 +54,11 @@ class BarrierInput:
         """Set the barriers; the arguments are those of `VelocityFilter.set_barriers`."""
         flag("look", look)
         self._seen_at = None if seen_at is None else finite_float("seen_at", seen_at)
-        new_list = tuple(barriers) if isinstance(barriers, Sequence) else barriers
-        self._is_new = self._is_new or (look and not _are_same(new_list, self._last_list))
+        new_list, last_list = None, self._last_list
+        if isinstance(barriers, Sequence):
+            new_list = tuple(barriers)  # a copy, because the user may change a list afterwards
+        is_same = new_list is not None and last_list is not None and are_same(new_list, last_list)
+        self._is_new = self._is_new or (look and not is_same)
         self.barriers, self._last_list, self.guidance_follows = barriers, new_list, look
 
     @property
@@ -81,9 +83,8 @@ class BarrierInput:
 
     def guidance_is_due(self, present: float) -> bool:
         """Return whether guidance takes up new barriers in the step at the present [s]."""
-        return (
-            self._is_new and self._is_stamp_valid and present - self._guided_at >= GUIDANCE_PERIOD
-        )
+        is_new = self._is_new and self._is_stamp_valid
+        return is_new and present - self._guided_at >= GUIDANCE_PERIOD
 
     def note_guidance(self, present: float) -> None:
         """Note that guidance takes up the barriers at the present [s]."""
@@ -110,10 +111,3 @@ class BarrierInput:
                 f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
             )
         return (*barriers, *self.limits)
-
-
-def _are_same(new: object, old: object) -> bool:
-    """Return whether two sequences hold the same objects."""
-    if not isinstance(new, Sequence) or not isinstance(old, Sequence):
-        return False
-    return len(new) == len(old) and all(map(operator.is_, new, old))

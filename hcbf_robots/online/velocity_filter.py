@@ -239,15 +239,12 @@ class VelocityFilter:
     def _warn_of_short_scans(self, barriers: object) -> None:
         """Warn of a scan whose reach is shorter than the distance that the robot must see."""
         elements = barriers if isinstance(barriers, Sequence) else ()
-        for scan in elements:
-            if not isinstance(scan, Scan):
-                continue
-            required = self.horizon + scan.reserved
-            if scan.reach < required:
+        for scan in (element for element in elements if isinstance(element, Scan)):
+            needed = self.horizon + scan.reserved
+            if scan.reach < needed:
                 warn_caller(
                     f"velocity filter: the scan {scan.name!r} ends {scan.reach:g} m away, where "
-                    f"this robot must see {required:.2g} m, expected Scan(reach=…) or a lower "
-                    "speed",
+                    f"this robot must see {needed:.2g} m, expected Scan(reach=…) or a lower speed",
                     SafetyWarning,
                 )
 

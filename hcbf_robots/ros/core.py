@@ -92,13 +92,9 @@ class NodeCore:
     def hear_command(
         self, command: ArrayLike, now: Now, stamp: float | None = None, frame: str = ""
     ) -> bool:
-        """Take the nominal velocity; return whether it is accepted.
+        """Take the nominal velocity (3,) in the robot's axes [m/s, rad/s]; return if it is valid.
 
-        Args:
-            command: (3,) v_x, v_y and ω in the robot's axes [m/s, rad/s].
-            now: the present.
-            stamp: of the message [s]; None where its type has none.
-            frame: that the message names; "" where its type has none.
+        A type of message without a header has no stamp (None), and "" as its frame.
         """
         self._clock.see(now)
         if self._zero_since == -math.inf:
@@ -119,27 +115,19 @@ class NodeCore:
     ) -> None:
         """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
-        has_jumped = self.localization.hear_odometry(pose, twist, stamp, now, *frames)
-        if not has_jumped:
-            return
-        for source in self.sources.values():
-            if source.is_scan:  # where it was measured is unknown now
-                source.watch.forget()
-        self._restart_filter()
+        if self.localization.hear_odometry(pose, twist, stamp, now, *frames):  # it has jumped
+            for source in self.sources.values():
+                if source.is_scan:  # the pose at which it was measured is unknown now
+                    source.watch.forget()
+            self._restart_filter()
 
     def hear_source(
         self, name: str, entries: Entries, stamp: float, now: Now, frame: str = ""
     ) -> bool:
-        """Replace the barriers of a source; return whether they differ from before.
+        """Replace the barriers of a source, measured at a stamp [s]; return whether they differ.
 
-        A scan counts only where the present odometry reaches back to its stamp.
-
-        Args:
-            name: of the source.
-            entries: the barriers, those of a scan in the robot's axes.
-            stamp: when they were measured [s].
-            now: the present.
-            frame: that the message names.
+        Those of a scan are in the robot's axes. They are accepted only if the present odometry
+        reaches back to the stamp.
         """
         source = self.sources[name]
         if not source.is_scan:
@@ -170,14 +158,13 @@ class NodeCore:
         """
         known, values = by_name(list(self.sources)), dict[str, Any]()
         for name, value in given.items():
-            if name not in known:
-                continue
-            if not known[name].live:
+            if name in known and not known[name].live:
                 raise InvalidInputError(
                     f"parameter {name}: got {shown(value)} while the node is configured, expected "
                     "it before"
                 )
-            values[name] = known[name].read(value, name)
+            if name in known:
+                values[name] = known[name].read(value, name)
         if "v_max" in values:  # the only one that may still be refused
             v_max = values.pop("v_max")
             self._filter.v_max = v_max or None
@@ -225,12 +212,7 @@ class NodeCore:
     def of_grid(
         self, name: str, raster: Raster, limits: Mapping[str, object] | None = None
     ) -> Entries:
-        """Return the barriers of an occupancy grid.
-
-        Args:
-            name: of the source.
-            raster: the grid.
-            limits: name → value of a speed mask's parameters, in the place of its settings.
+        """Return the barriers of a grid; `limits` replace parameters of a speed mask by name.
 
         Raises:
             InvalidInputError: if its values make no classes, or no input satisfies a limit.
@@ -243,10 +225,9 @@ class NodeCore:
         return entries
 
     def planned(self, goal: ArrayLike | None) -> VelocityFilter:
-        """Return a filter that leads to a goal, its field computed; pass it to `take`.
+        """Return a filter for `take` that leads to a goal (2,) [m], with its field computed.
 
-        Args:
-            goal: (2,) in the global frame [m]; None for a filter without guidance.
+        Without a goal it has no guidance.
 
         Raises:
             InvalidInputError: if no path leads there.
@@ -307,9 +288,7 @@ class NodeCore:
             faults = [*faults, Fault("filter", str(error))]
             decision = self._zero(faults, "filter")
             self._restart_filter()
-        self._last_decision, self._last_time = decision, now.ros
-        if faults:
-            self._last_decision, self._last_time = None, -math.inf
+        self._last_decision, self._last_time = (None, -math.inf) if faults else (decision, now.ros)
         return self._silenced(decision, now)
 
     def _faults(self, now: Now) -> list[Fault | None]:

@@ -41,20 +41,15 @@ class Decision(NamedTuple):
 def filtered(
     command: Array, nominal: Array, report: Info, names: Sequence[str], no_path: str
 ) -> Decision:
-    """Return the decision that follows from a filter's command and report.
+    """Return the decision that follows from a filter's command (k,) and its report.
 
-    Args:
-        command: (k,) the filter's velocity [m/s, rad/s].
-        nominal: (k,) the nominal velocity [m/s, rad/s].
-        report: the filter's.
-        names: of the conditions, in the order of the report's rows.
-        no_path: why guidance finds no path; "" where it finds one.
+    `names` are those of the conditions in the report's order, and `no_path` is the reason why
+    guidance finds no path.
     """
     status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
     if status == FilterStatus.BACKUP:
-        message = f"filter: {reason.text}"
-        if reason == Reason.GOAL:
-            message += f": {no_path}"
+        cause = f": {no_path}" if reason == Reason.GOAL else ""
+        message = f"filter: {reason.text}{cause}"
         return Decision(command, nominal, Level.ERROR, message, Action.STOP, "filter", report)
     is_changed = report["intervention"] > INTERVENTION
     name = _tightest(report, names) if is_changed or status > FilterStatus.SAFE else ""

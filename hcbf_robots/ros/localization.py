@@ -81,14 +81,9 @@ class Localization:
         return pose_at(self._track.copy(), stamp)
 
     def path(self, stamp: float, seconds: float) -> Array:
-        """Return the robot's poses by odometry, at equal times from a stamp on.
+        """Return (`SWEEP_POSES`, 3) poses by odometry at equal times, from a stamp [s] on.
 
-        Args:
-            stamp: of the first pose [s].
-            seconds: from the first pose to the last.
-
-        Returns:
-            (`SWEEP_POSES`, 3) in odometry's frame [m, rad].
+        `seconds` is the time from the first to the last.
 
         Raises:
             InvalidInputError: if one of them is unknown.
@@ -108,15 +103,9 @@ class Localization:
     def hear_odometry(
         self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, frame: str, child: str
     ) -> bool:
-        """Take a message of odometry; return whether the robot's pose has jumped.
+        """Take pose (3,) and twist (3,) as in `Odometry`; return whether the robot has jumped.
 
-        Args:
-            pose: (3,) as `Odometry` has it.
-            twist: (3,) as `Odometry` has it.
-            stamp: of the message [s].
-            now: the present.
-            frame: of the pose.
-            child: the frame of the twist; "" for the robot's.
+        `frame` is that of the pose, and `child` that of the twist, or "" for the robot's.
         """
         newest = self._checked_odometry(pose, twist, stamp, child)
         watch, expected = self._odometry_watch, self._settings.odom_frame_id
@@ -147,12 +136,9 @@ class Localization:
                 self._pose_watch.refuse("there is no odometry of that time")
 
     def hear_correction(self, correction: ArrayLike | None, stamp: float) -> None:
-        """Take the correction that tf has; the robot is not located while there is none.
+        """Take tf's pose (3,) of odometry's frame in the global one; None if tf has none.
 
-        Args:
-            correction: (3,) pose of odometry's frame in the global one [m, rad]; None if tf has
-                none.
-            stamp: of the correction [s]; 0 for one that never changes.
+        The stamp [s] of a correction that never changes is 0.
         """
         accepted, refusal = _plausible(correction), ""
         if correction is not None and accepted is None:

@@ -19,32 +19,24 @@ from hcbf_robots.ros.decisions import Decision
 
 Color = tuple[float, float, float]
 """Red, green and blue, each from 0 to 1."""
-RANK_COLORS: tuple[Color, ...] = ((0.8, 0.1, 0.1), (0.9, 0.5, 0.0), (0.1, 0.3, 0.8))
-"""Colors of ranks 1, 2 and 3."""
-LOWER_RANK_COLOR: Color = (0.4, 0.2, 0.6)
-NOMINAL_COLOR: Color = (0.5, 0.5, 0.5)
-FILTERED_COLOR: Color = (0.0, 0.6, 0.2)
+RANK_COLORS = {1: (0.8, 0.1, 0.1), 2: (0.9, 0.5, 0.0), 3: (0.1, 0.3, 0.8)}
+LOWER_RANK_COLOR, NOMINAL_COLOR, FILTERED_COLOR = (0.4, 0.2, 0.6), (0.5, 0.5, 0.5), (0.0, 0.6, 0.2)
 OPACITY = 0.9
-
 DRAWN_WITHIN = 4.0
 """Outlines that come nearer to the robot than this are drawn [m]."""
-OVAL_CORNERS = 24
-"""Corners of the polygon that is drawn for a disc or an ellipse."""
+OVAL_CORNERS = 24  # of the polygon that is drawn for an oval
 LINE_WIDTH, SHAFT_WIDTH, HEAD_WIDTH = 0.02, 0.03, 0.06
 """Widths of outlines, and of the shaft and the head of an arrow [m]."""
 
 
 def marker_array(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
-    """Return the markers that show a decision in RViz, in the place of all earlier ones.
+    """Return the markers of a decision, which replace all earlier ones.
 
-    Args:
-        core: has the regions and the robot's pose.
-        decision: has the nominal velocity and the filtered one.
-        stamp: the present, as a `builtin_interfaces/Time`.
+    The stamp is the present, as a `builtin_interfaces/Time`.
     """
     markers = [Marker(action=Marker.DELETEALL)]
     for rank, outlines in sorted(_nearby_outlines(core).items()):
-        color = RANK_COLORS[rank - 1] if rank <= len(RANK_COLORS) else LOWER_RANK_COLOR
+        color = RANK_COLORS.get(rank, LOWER_RANK_COLOR)
         lines = _marker(core, stamp, f"rank {rank}", Marker.LINE_LIST, color)
         lines.scale.x = LINE_WIDTH
         lines.points = [_point(end) for outline in outlines for end in _edge_ends(outline)]

@@ -232,10 +232,8 @@ class FilterNode(LifecycleNode):
         self._cleanup.append(partial(self.destroy_lifecycle_publisher, publisher))
         return publisher
 
-    def _hear(
-        self, message_type: Any, topic: str, callback: Callable[[Any], None], quality: Any
-    ) -> None:
-        subscription = self.create_subscription(message_type, topic, callback, quality)
+    def _hear(self, message_type: Any, topic: str, callback: Callable[..., Any], qos: Any) -> None:
+        subscription = self.create_subscription(message_type, topic, callback, qos)
         self._cleanup.append(partial(self.destroy_subscription, subscription))
 
     def _timer(self, period: float, callback: Callable[[], None]) -> Any:
@@ -256,13 +254,12 @@ class FilterNode(LifecycleNode):
         if not self.is_active:
             return
         begun, now = time.perf_counter(), self._now()
-        header, stamp, frame = None, None, ""
+        header, stamp, frame, twist = None, None, "", message
         if self._is_stamped:
-            header, frame = message.header, message.header.frame_id
+            header, frame, twist = message.header, message.header.frame_id, message.twist
             stamp = messages.seconds(header.stamp) or None  # 0 means that there is none
-        twist = messages.twist_of(message.twist if self._is_stamped else message)
         with self._lock:
-            is_accepted = self._configured.hear_command(twist, now, stamp, frame)
+            is_accepted = self._configured.hear_command(messages.twist_of(twist), now, stamp, frame)
         decision = self._decide(now, header if is_accepted else None)
         self._reporter.note_latency(time.perf_counter() - begun)
         self._period_timer.reset()
@@ -308,13 +305,12 @@ class FilterNode(LifecycleNode):
     def _look_up_correction(self) -> None:
         """Pass the newest pose of odometry's frame in the global one, as tf has it, to the core."""
         assert self._transforms is not None  # `_check_imports`
-        settings, localization = self._configured.settings, self._configured.localization
+        settings, correction, stamp = self._configured.settings, None, 0.0
         newest = self._transforms.newest(settings.global_frame_id, settings.odom_frame_id)
-        if newest is None:
-            localization.hear_correction(None, 0.0)
-            return
-        correction = messages.transform_of(newest.transform)
-        localization.hear_correction(correction, messages.seconds(newest.header.stamp))
+        if newest is not None:
+            correction = messages.transform_of(newest.transform)
+            stamp = messages.seconds(newest.header.stamp)
+        self._configured.localization.hear_correction(correction, stamp)
 
     def _on_pose(self, message: Any) -> None:
         header, pose = message.header, messages.pose_of(message.pose.pose)
@@ -362,11 +358,9 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 def spin(arguments: list[str], *, autostart: bool) -> None:
-    """Run the node until it is interrupted.
+    """Run the node with arguments for ROS until it is interrupted.
 
-    Args:
-        arguments: for ROS.
-        autostart: whether it configures and activates itself; else a lifecycle manager does that.
+    With `autostart` it configures and activates itself; else a lifecycle manager does that.
 
     Raises:
         InvalidInputError: if it configures itself and a parameter does not fit.

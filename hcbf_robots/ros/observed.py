@@ -47,23 +47,19 @@ class Source:
     def __init__(self, settings: SourceSettings, node_settings: Settings):
         self.settings, self.enabled = settings, settings.enabled
         self.is_scan = settings.type == "scan"
-        if self.is_scan:
-            timeout, frame = node_settings.source_timeout, node_settings.base_frame_id
-        else:
-            timeout, frame = 0.0, node_settings.global_frame_id
-        if settings.source_timeout >= 0.0:
-            timeout = settings.source_timeout
+        timeout = settings.source_timeout
+        if timeout < 0.0:
+            timeout = node_settings.source_timeout if self.is_scan else 0.0
         self.watch = Watch(settings.name, timeout, node_settings.transform_tolerance)
-        self.frame = settings.frame_id or frame
+        usual_frame = node_settings.base_frame_id if self.is_scan else node_settings.global_frame_id
+        self.frame = settings.frame_id or usual_frame
         self.entries: Entries = ()
         self.measured: Measured | None = None
 
     def begin(self, fastest: float, check: Callable[[Entries], None]) -> None:
         """Make the barriers that need no message: those of a file, or of a zone's parameters.
 
-        Args:
-            fastest: the robot's greatest speed, which is 100 % of a speed mask [m/s].
-            check: refuses barriers that no input can satisfy.
+        100 % of a speed mask are `fastest` [m/s]; `check` refuses what no input can satisfy.
 
         Raises:
             InvalidInputError: the message names the parameter.
@@ -97,15 +93,7 @@ class Source:
     def hear_scan(
         self, entries: Entries, pose: Array | None, stamp: float, now: Now, frame: str
     ) -> bool:
-        """Take a scan; return whether it is accepted.
-
-        Args:
-            entries: its barriers, in the robot's axes at its stamp.
-            pose: (3,) of the robot in odometry's frame at its stamp [m, rad]; None if unknown.
-            stamp: when it was measured [s].
-            now: the present.
-            frame: that its message has.
-        """
+        """Take a scan with the robot's pose (3,) by odometry; return whether it is accepted."""
         if pose is None or not self.watch.hear(stamp, now, frame, self.frame):
             return False
         self.measured = Measured(entries, pose, min(stamp, now.ros))
@@ -129,12 +117,7 @@ class Source:
             self.watch.forget_stamp()
 
     def stops(self, position: Array, reach: float) -> bool:
-        """Return whether a robot is inside a region of a source that stops it there.
-
-        Args:
-            position: (2,) of the robot's centre in the global frame [m].
-            reach: radius of the robot [m].
-        """
+        """Return whether the source stops a robot of a radius [m] at a position (2,) [m]."""
         if not self.enabled or self.settings.when_inside != "stop":
             return False
         x = np.array([*position, 0.0, 0.0])

@@ -52,20 +52,17 @@ class FrozenPose:
 
 
 def advanced(start: Odometry, stamp: float, twist: Array) -> Array:
-    """Return (3,) the pose at a later stamp [s], reached by the mean of the twists at both ends.
+    """Return (3,) the pose at a later stamp [s], at which the twist is `twist` (3,).
 
-    Args:
-        start: the earlier pose and twist.
-        stamp: the later time [s].
-        twist: (3,) at the later time [m/s, rad/s].
+    The robot moves by the mean of the twists at both ends.
     """
     return moved(start.pose, 0.5 * (start.twist + twist), stamp - start.stamp)
 
 
 def pose_at(track: deque[Odometry], stamp: float) -> Array | None:
-    """Return (3,) the pose at a stamp [s], interpolated between the poses of a track.
+    """Return (3,) a track's pose at a stamp [s], interpolated, or extrapolated if that is near.
 
-    A stamp slightly after or before the track is extrapolated; farther away the pose is None.
+    None is returned where the track does not reach.
     """
     later: Odometry | None = None
     for sample in reversed(track):

@@ -32,13 +32,8 @@ def run(
     """Run a node until SIGINT or SIGTERM, or until ROS shuts down.
 
     A signal does not shut ROS down at once, as it would by default, so that the node can publish
-    zero first. A second signal ends the process.
-
-    Args:
-        make_node: returns the node, after ROS has begun.
-        arguments: for ROS.
-        begin: called with the node before it spins.
-        end: called with the node in any case, while it can still publish.
+    zero first. A second signal ends the process. `begin` is called with the node before it spins,
+    and `end` in any case, while it can still publish.
 
     Raises:
         InvalidInputError: if ROS refuses the arguments.

@@ -128,14 +128,7 @@ def _sensor_path(path: Array | None, mount: tuple[float, float, float], count: i
 
 
 def grid_of(resolution: float, origin: ArrayLike, rows: int, columns: int) -> Grid:
-    """Return the grid of a `nav_msgs/OccupancyGrid`.
-
-    Args:
-        resolution: side of a cell [m].
-        origin: (3,) pose of the corner of the first cell [m, rad].
-        rows: number of rows.
-        columns: number of columns.
-    """
+    """Return the grid of cells of a side [m], from an origin (3,) [m, rad] on."""
     x, y, yaw = finite_array("origin", origin, (3,), largest=FARTHEST).tolist()
     side = round(float(resolution), 7)  # ROS has it in float32: 0.05 comes as 0.0500000007
     return Grid(side, (x, y, yaw), (rows, columns))
@@ -146,12 +139,8 @@ def of_grid(
 ) -> Entries:
     """Return the ranked map of an occupancy grid, or () if it has no classes.
 
-    Args:
-        source: its settings.
-        raster: its cells.
-        fastest: the robot's greatest speed, which is 100 % of a speed mask [m/s].
-        before: the source's earlier entries. Where only cells differ from them, these alone are
-            covered anew, which takes less time; without a difference they are returned.
+    100 % of a speed mask are `fastest` [m/s]. If only cells differ from the entries `before`, these
+    cells alone are covered anew, which takes less time. Without a difference the map is the same.
 
     Raises:
         InvalidInputError: if its values make no classes.
@@ -206,10 +195,7 @@ def of_polygon(source: SourceSettings, corners: ArrayLike) -> Entries:
     """Return a convex polygon whose edges are moved outwards by the margin.
 
     A corner between edges of the unit normals n₁ and n₂ moves by margin (n₁ + n₂) / (1 + n₁·n₂).
-
-    Args:
-        source: the polygon's settings.
-        corners: (k, 2) in either order [m]; () is returned without corners.
+    Corners (k, 2) [m] may be in either order. Without corners () is returned.
 
     Raises:
         InvalidInputError: if it is not strictly convex or has more than 8 corners.

@@ -71,10 +71,7 @@ class Watch:
         self.stamp, self._wrong = -sys.float_info.max, ""
 
     def forget_stamp(self) -> None:
-        """Accept earlier stamps after the clock has gone back.
-
-        The message itself remains known if it has no time-out.
-        """
+        """Accept earlier stamps after the clock has gone back; drop a message with a time-out."""
         if self.timeout > 0.0 and math.isfinite(self._received):
             self.forget()
         elif self.stamp > -math.inf:
@@ -83,11 +80,7 @@ class Watch:
     def hear(self, stamp: float, now: Now, frame: str = "", expected: str = "") -> bool:
         """Accept a message; return False where its stamp or frame is wrong, or it is not newer.
 
-        Args:
-            stamp: of the message, on the node's clock [s].
-            now: the present.
-            frame: that the message names.
-            expected: the frame that it must name; "" for any.
+        The stamp [s] is on the node's clock. An `expected` frame of "" is any.
         """
         age = now.ros - stamp
         if expected and frame != expected:
