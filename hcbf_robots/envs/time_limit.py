@@ -11,10 +11,8 @@ from hcbf_gym.arrays import Info
 from hcbf_gym.envs.task import CONTROL_DT, MAX_EPISODE_STEPS
 
 TIMED_PATH = {"track": 24.0, "reach": 40.0}
-"""Task of the scene → path for which there is time at the robot's greatest speed [m].
-
-It is more than twice the longest path, because guidance alone leads a robot at 0.4 m/s.
-"""
+"""Task of the scene → path for which there is time at the robot's greatest speed [m]: more than
+twice the longest one, because guidance alone leads a robot at 0.4 m/s."""
 
 
 class PacedTimeLimit(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):

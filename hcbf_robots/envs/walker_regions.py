@@ -106,8 +106,8 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
             heading, terrain, randomization, disturbances, len(scene.obstacles), body, cap
         )
         model = plant_model(walker, declared, scene.input_set, reach, is_own)
-        max_input = braking.weakest(model.input_set)
-        adapter = Adapter(walker.command, walker.response, max_input, walker.period, heading)
+        u_max = braking.weakest(model.input_set)
+        adapter = Adapter(walker.command, walker.response, u_max, walker.period, heading)
         drive = WalkerDrive(simulation, adapter, footprint, declared.error_factor)
         super().__init__(drive, model, scenes, terrain, render_mode)
 

@@ -7,14 +7,7 @@ from typing import Any
 from hcbf_gym.barriers import SpeedLimit
 from hcbf_gym.barriers.many import Element, are_same, is_list
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import (
-    InvalidInputError,
-    SafetyWarning,
-    finite_float,
-    flag,
-    shown,
-    warn_caller,
-)
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, finite_float, flag, shown, warn_caller
 from hcbf_gym.models import clocks
 from hcbf_gym.models.clocks import SEEN_FOR
 from hcbf_robots.online.step_times import StepTimes

@@ -17,16 +17,15 @@ PAUSE = 1.5
 class Follower:
     """The double integrator ``p̈ = u`` that a robot follows, from one command to the next.
 
-    Its position p is the robot's centre, and its velocity is constant in the world's axes while
-    u = 0. For a differential drive p is a point before the axle, and the velocity is constant in
-    the robot's axes, because the command turns with the robot (`models.axle`). *Model axes* below
-    are those of the two.
+    Its position p is the robot's centre, or a point before the axle of a differential drive. Its
+    velocity is constant while u = 0, in *model axes*: the world's, or those of a differential
+    drive, with which its command turns (`models.axle`).
 
     Args:
         robot: its commands and response.
         axle: the limits of a differential drive; None for other robots.
-        response_time: τ + δ, after which no earlier command acts any more [s].
-        max_input: the largest acceleration that U contains in every direction [m/s²].
+        delay: τ + δ, after which no earlier command acts any more [s].
+        u_max: the largest acceleration that U contains in every direction [m/s²].
         period: T, the longest time for which an input is held [s].
 
     Attributes:
@@ -36,14 +35,11 @@ class Follower:
         velocity: (2,) of the model at the last input, in model axes [m/s].
     """
 
-    def __init__(
-        self, robot: Robot, axle: Axle | None, response_time: float, max_input: float, period: float
-    ):
+    def __init__(self, robot: Robot, axle: Axle | None, delay: float, u_max: float, period: float):
         self.limits: Array = robot.command.limits
         self.fastest = self.begins_at = robot.command.fastest
-        self._adapter = Adapter(robot.command, robot.response, max_input, period, "free")
-        self._axle, self._max_input = axle, max_input
-        self._response_time, self._period = response_time, period
+        self._adapter = Adapter(robot.command, robot.response, u_max, period, "free")
+        self._axle, self._delay, self._u_max, self._period = axle, delay, u_max, period
         self.forget()
 
     def forget(self) -> None:
@@ -88,12 +84,11 @@ class Follower:
     def velocity_at(self, present: float, yaw: float, measured: Array) -> Array:
         """Return (2,) the model's velocity at the present [s], in the world [m/s].
 
-        It follows from the last input. After a pause of more than τ + δ no earlier command acts any
-        more, and the model restarts with the measured velocity (2,) of the world [m/s].
+        After a pause of more than τ + δ no earlier command acts, and it is the measured one (2,).
         """
         axes = self._axes(yaw)
         passed = present - self._input_at
-        if passed > max(self._response_time, PAUSE * self._period):
+        if passed > max(self._delay, PAUSE * self._period):
             velocity = self._capped(measured @ axes)
         else:
             velocity = self.velocity + min(max(passed, 0.0), self._period) * self._input
@@ -122,7 +117,7 @@ class Follower:
         target *= min(1.0, self.fastest / max(float(np.hypot(*target)), TINY))
         u = (target - velocity) / self._period
         size = float(np.hypot(*u))
-        return u * min(1.0, self._max_input / size) if size > 0.0 else u
+        return u * min(1.0, self._u_max / size) if size > 0.0 else u
 
     def follow(self, velocity: Array, u: Array, yaw: float, present: float) -> None:
         """Hold an input u (2,) from the present [s] on, at which the model has a velocity (2,).

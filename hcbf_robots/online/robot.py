@@ -122,10 +122,7 @@ class VelocityPlant(NamedTuple):
         return self.input_set.radius if axle is None else axle.hardest_of_point
 
     def speed_cap(self, v_max: float | None, period: float) -> SpeedCap:
-        """Return a strict cap `v_max` [m/s]; None is no cap but the greatest command.
-
-        Commands are at most ``√(v² − (T u_max)²)``, where v is the speed that the cap's margin
-        leaves and T u_max is gained within one period T [s].
+        """Return a strict cap `v_max` [m/s], or none but the greatest command, at a period T [s].
 
         Raises:
             InvalidInputError: if it is above the greatest command, leaves no speed after its

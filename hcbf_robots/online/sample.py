@@ -29,8 +29,7 @@ def moved(pose: Array, twist: Array, seconds: float) -> Array:
     mean_yaw = pose[2] + 0.5 * turned
     cos, sin = math.cos(mean_yaw), math.sin(mean_yaw)
     forward, sideways = seconds * twist[0], seconds * twist[1]
-    step = [cos * forward - sin * sideways, sin * forward + cos * sideways, turned]
-    return pose + np.array(step)
+    return pose + np.array([cos * forward - sin * sideways, sin * forward + cos * sideways, turned])
 
 
 def placed(frame: Array, pose: Array) -> Array:

@@ -28,8 +28,7 @@ class StepTimes:
         self.accepted_at: float | None = None
         self._first = math.inf  # the first present [s], which is time 0 of the filter
         self._valid_from = self.valid_until = -math.inf
-        self._last = math.nan  # the last present [s]
-        self._before_leap = math.nan  # the present before a leap to the last one, if there was one
+        self._last = self._before_leap = math.nan  # the last present, and that before a leap [s]
 
     def go_on_from(self, other: "StepTimes") -> None:
         """Take the times of another filter."""

@@ -191,12 +191,8 @@ class NodeCore:
     ) -> Entries:
         """Return the barriers of a scan, in the robot's axes at its stamp.
 
-        Args:
-            name: of the source.
-            beams: the scan.
-            mount: (3,) pose of the sensor on the robot [m, rad]; None takes the parameter.
-            stamp: of the first beam [s]: each counts from the robot's pose at its time; None for
-                beams of one time.
+        Each beam counts from the robot's pose at its time, or from one pose if there is no stamp of
+        the first beam [s]. Without `mount` (3,) [m, rad] the sensor has the parameter's pose.
 
         Raises:
             InvalidInputError: if it cannot be accepted, or odometry does not reach a beam.
@@ -296,7 +292,7 @@ class NodeCore:
         return [
             self._clock.fault(now),
             *self.localization.faults(now),
-            self._alarm.fault(now),
+            self._alarm.at(now),
             *(source.watch.fault(now) for source in self.sources.values() if source.enabled),
             self._command.fault(now),
         ]
@@ -317,18 +313,16 @@ class NodeCore:
         reason = Reason(int(report["reason"]))
         if reason.lasts:
             alarm = Fault("robot", reason.text)
-            self._alarm.begin(alarm, now.steady + self.settings.alarm_pause)
+            self._alarm = HeldFault(alarm, now.steady + self.settings.alarm_pause)
             self._restart_filter()
             return self._stop([alarm], now)
         return decisions.filtered(command, self._nominal, report, self._names, self._filter.lost)
 
     def _stop(self, faults: list[Fault], now: Now) -> Decision:
         """Return zero velocity for faults, and let the filter know that zero is commanded."""
-        report = None
+        zero, report = np.zeros(self._command_size), None
         if math.isfinite(now.ros) and now.ros > self._last_time:
-            _, report = self._filter.step(
-                np.zeros(self._command_size), None, None, math.nan, now.ros
-            )
+            _, report = self._filter.step(zero, None, None, math.nan, now.ros)
         gravest = faults[0]
         is_idle = len(faults) == 1 and gravest.source == "command" and gravest.is_stale
         is_invalid_source = gravest.source in self.sources and gravest.message != INSIDE
@@ -345,10 +339,8 @@ class NodeCore:
         fault = self._command.fault(now)
         command = self._nominal.copy() if fault is None else np.zeros(self._command_size)
         message = "not enabled" if fault is None else f"not enabled; {fault}"
-        decision = Decision(
-            command, self._nominal, Level.WARN, message, Action.DO_NOTHING, "", None
-        )
-        return self._silenced(decision, now)
+        passed = Decision(command, self._nominal, Level.WARN, message, Action.DO_NOTHING, "", None)
+        return self._silenced(passed, now)
 
     def _silenced(self, decision: Decision, now: Now) -> Decision:
         """Return the decision, without a command where zero was published for long enough."""

@@ -1,6 +1,5 @@
 """What the node decides at a moment, in the terms of ROS's diagnostics and Nav2's monitor."""
 
-from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -15,15 +14,7 @@ Level = IntEnum("Level", ["OK", "WARN", "ERROR", "STALE"], start=0)
 Action = IntEnum("Action", ["DO_NOTHING", "STOP", "SLOWDOWN", "APPROACH", "LIMIT"], start=0)
 """As `nav2_msgs/CollisionMonitorState` counts them."""
 
-LEVELS = {
-    FilterStatus.NOMINAL: Level.OK,
-    FilterStatus.SAFE: Level.OK,
-    FilterStatus.RELAXED: Level.WARN,
-    FilterStatus.VIOLATED: Level.ERROR,
-    FilterStatus.UNSAFE: Level.ERROR,
-}
-INTERVENTION = 1e-3
-"""Greatest intervention of the filter that counts as none."""
+MIN_INTERVENTION = 1e-3  # of the filter; a smaller one counts as none
 
 
 class Decision(NamedTuple):
@@ -38,27 +29,27 @@ class Decision(NamedTuple):
     report: Info | None  # the filter's; None where it was not called
 
 
-def filtered(
-    command: Array, nominal: Array, report: Info, names: Sequence[str], no_path: str
-) -> Decision:
+def filtered(command: Array, nominal: Array, report: Info, names: list[str], lost: str) -> Decision:
     """Return the decision that follows from a filter's command (k,) and its report.
 
-    `names` are those of the conditions in the report's order, and `no_path` is the reason why
-    guidance finds no path.
+    `names` are the conditions', in the report's order; `lost` is why guidance finds no path.
     """
     status, reason = FilterStatus(int(report["status"])), Reason(int(report["reason"]))
     if status == FilterStatus.BACKUP:
-        cause = f": {no_path}" if reason == Reason.GOAL else ""
+        cause = f": {lost}" if reason == Reason.GOAL else ""
         message = f"filter: {reason.text}{cause}"
         return Decision(command, nominal, Level.ERROR, message, Action.STOP, "filter", report)
-    is_changed = report["intervention"] > INTERVENTION
+    level = Level.WARN if status == FilterStatus.RELAXED else Level.ERROR
+    if status <= FilterStatus.SAFE:
+        level = Level.OK
+    is_changed = report["intervention"] > MIN_INTERVENTION
     name = _tightest(report, names) if is_changed or status > FilterStatus.SAFE else ""
     message = f"{status.name}: {name}" if name else status.name
     action, cause = (Action.LIMIT, name) if is_changed else (Action.DO_NOTHING, "")
-    return Decision(command, nominal, LEVELS[status], message, action, cause, report)
+    return Decision(command, nominal, level, message, action, cause, report)
 
 
-def _tightest(report: Info, names: Sequence[str]) -> str:
+def _tightest(report: Info, names: list[str]) -> str:
     """Return the name of the largest slack; without slack, that of the least h after its margin."""
     if not names:
         return ""

@@ -46,14 +46,13 @@ def velocity_filter(
     Raises:
         InvalidInputError: if the cap leaves no speed.
     """
-    guidance = settings.guidance if goal is not None else ""
     new_filter = VelocityFilter(
         robot,
         barriers,
         settings.program,
         period=HELD * settings.period,
         goal=goal,
-        guidance=guidance or None,
+        guidance=None if goal is None else settings.guidance or None,
         max_age=settings.odom_timeout,
         on_alarm="brake",
     )

@@ -77,12 +77,12 @@ class Intake:
         }
         message_type, convert, quality = by_type[source.type]
         if source.topic:
-            on_message = partial(self._prepare, source.name, convert)
-            self._hear(message_type, source.topic, on_message, quality)
+            prepare = partial(self._prepare, source.name, convert)
+            self._hear(message_type, source.topic, prepare, quality)
         if source.filter_info_topic:
-            message_type = optional.nav2("CostmapFilterInfo")
-            on_message = partial(self._on_filter_info, source.name)
-            self._hear(message_type, source.filter_info_topic, on_message, LATCHED)
+            on_info = partial(self._on_filter_info, source.name)
+            info_type = optional.nav2("CostmapFilterInfo")
+            self._hear(info_type, source.filter_info_topic, on_info, LATCHED)
 
     def close(self) -> None:
         """Finish the running jobs, and end both threads."""
@@ -147,9 +147,8 @@ class Intake:
         """Let the other thread make barriers of a message, and pass them to the core."""
 
         def job() -> None:
-            core, header = self._core, message.header
-            entries = convert(name, message)
-            now = self._now()
+            core, header, entries = self._core, message.header, convert(name, message)
+            now = self._now()  # after the conversion, which takes time
             stamp = messages.seconds(header.stamp) or now.ros
             with self._lock:
                 differs = core.hear_source(name, entries, stamp, now, header.frame_id)

@@ -88,17 +88,15 @@ class Localization:
         Raises:
             InvalidInputError: if one of them is unknown.
         """
-        track, poses = self._track.copy(), []
-        for delay in np.linspace(0.0, seconds, SWEEP_POSES):
-            pose = pose_at(track, stamp + delay)
-            if pose is not None:
-                poses.append(pose)
-        if len(poses) < SWEEP_POSES:
+        track, delays = self._track.copy(), np.linspace(0.0, seconds, SWEEP_POSES)
+        poses = [pose_at(track, stamp + delay) for delay in delays]
+        known = [pose for pose in poses if pose is not None]
+        if len(known) < len(poses):
             raise InvalidInputError(
                 f"time_increment: got beams within {seconds:g} s of the stamp, expected odometry "
                 "of that time"
             )
-        return np.array(poses)
+        return np.array(known)
 
     def hear_odometry(
         self, pose: ArrayLike, twist: ArrayLike, stamp: float, now: Now, frame: str, child: str
@@ -159,7 +157,7 @@ class Localization:
             self._odometry_watch.fault(now),
             self._pose_watch.fault(now) if self._is_corrected else None,
             self._frozen.fault(),
-            self._jump.fault(now),
+            self._jump.at(now),
         ]
 
     def _checked_odometry(
@@ -192,7 +190,8 @@ class Localization:
             jump = self._jump_between(Odometry(*self.newest[:3]), Odometry(*newest[:3]))
         if jump is not None:
             message = f"the pose has jumped by {jump[0]:.2f} m and {jump[1]:.2f} rad"
-            self._jump.begin(Fault("odometry", message), now.steady + self._settings.settle_time)
+            until = now.steady + self._settings.settle_time
+            self._jump = HeldFault(Fault("odometry", message), until)
             self._track.clear()
         self.newest = newest
         self._track.append(Odometry(newest.stamp, newest.local, newest.twist))

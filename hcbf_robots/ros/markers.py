@@ -17,8 +17,7 @@ from hcbf_robots.online.sample import placed
 from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.decisions import Decision
 
-Color = tuple[float, float, float]
-"""Red, green and blue, each from 0 to 1."""
+Color = tuple[float, float, float]  # red, green and blue, each from 0 to 1
 RANK_COLORS = {1: (0.8, 0.1, 0.1), 2: (0.9, 0.5, 0.0), 3: (0.1, 0.3, 0.8)}
 LOWER_RANK_COLOR, NOMINAL_COLOR, FILTERED_COLOR = (0.4, 0.2, 0.6), (0.5, 0.5, 0.5), (0.0, 0.6, 0.2)
 OPACITY = 0.9
@@ -30,10 +29,7 @@ LINE_WIDTH, SHAFT_WIDTH, HEAD_WIDTH = 0.02, 0.03, 0.06
 
 
 def marker_array(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
-    """Return the markers of a decision, which replace all earlier ones.
-
-    The stamp is the present, as a `builtin_interfaces/Time`.
-    """
+    """Return the markers of a decision at a `builtin_interfaces/Time`, which replace all others."""
     markers = [Marker(action=Marker.DELETEALL)]
     for rank, outlines in sorted(_nearby_outlines(core).items()):
         color = RANK_COLORS.get(rank, LOWER_RANK_COLOR)
@@ -65,9 +61,7 @@ def _outlines(barrier: Any) -> list[Array]:
     """Return the outlines of a barrier's pieces by their (k, 2) corners [m]; some have none."""
     if isinstance(barrier, Mapped):
         return barrier.pieces.polygons
-    if not isinstance(barrier, Shape):
-        return []
-    outline = barrier.outline()
+    outline = barrier.outline() if isinstance(barrier, Shape) else None
     if isinstance(outline, Oval):
         return [outline.corners(OVAL_CORNERS)]
     return [outline] if isinstance(outline, np.ndarray) else []
@@ -93,8 +87,7 @@ def _marker(core: NodeCore, stamp: Any, name: str, marker_type: int, color: Colo
     marker = Marker(ns=name, type=marker_type, action=Marker.ADD)
     marker.header.stamp, marker.header.frame_id = stamp, core.settings.global_frame_id
     marker.pose.orientation.w = 1.0
-    red, green, blue = color
-    marker.color = ColorRGBA(r=red, g=green, b=blue, a=OPACITY)
+    marker.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=OPACITY)
     return marker
 
 

@@ -76,8 +76,7 @@ def write_pose(pose: Array, message: Any) -> None:
 def mount_of(transform: Any) -> tuple[Array, bool]:
     """Return (3,) the pose of a scanner on the robot [m, rad], and whether it is upside down.
 
-    The scan's plane must be parallel to the floor: a tilted scanner sees the floor, or looks over
-    obstacles.
+    A tilted scanner is refused, because it sees the floor or looks over obstacles.
 
     Raises:
         InvalidInputError: if its tilt is above `MAX_TILT`, or the quaternion's norm is not 1.

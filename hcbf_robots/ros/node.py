@@ -15,7 +15,6 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,9 +59,7 @@ class _RosLogHandler(logging.Handler):
 
 
 class FilterNode(LifecycleNode):
-    """The lifecycle node that filters velocities.
-
-    Its topics, services and parameters are on the page docs/ros.md.
+    """The lifecycle node; its topics, services and parameters are on the page docs/ros.md.
 
     Args:
         **options: as `rclpy.node.Node` takes them.
@@ -76,7 +73,7 @@ class FilterNode(LifecycleNode):
         self._lock = threading.Lock()
         self.is_active = False
         self._log_handler = _RosLogHandler(self.get_logger())
-        self._cleanup: list[Callable[[], Any]] = []  # undo what `on_configure` has made
+        self._cleanup = contextlib.ExitStack()  # undoes `on_configure`
         self._declare()
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -90,15 +87,15 @@ class FilterNode(LifecycleNode):
         listed = self._given_values().get("observation_sources") or ()
         sources = [name for name in listed if isinstance(name, str)]
         for name, parameter in by_name(sources).items():
-            if self.has_parameter(name):
-                # a value out of the range raises here; `on_configure` refuses it by its name
-                with contextlib.suppress(rclpy.exceptions.ParameterException):
-                    self.set_descriptor(name, _descriptor(parameter))
-                continue
             default = parameter.default
             if isinstance(default, tuple):
                 default = list(default) or None  # ROS cannot infer the type of an empty list
-            self.declare_parameter(name, default, _descriptor(parameter))
+            if not self.has_parameter(name):
+                self.declare_parameter(name, default, _descriptor(parameter))
+                continue
+            # a value out of the range raises here; `on_configure` refuses it by its name
+            with contextlib.suppress(rclpy.exceptions.ParameterException):
+                self.set_descriptor(name, _descriptor(parameter))
 
     def _on_parameters(self, changed: list[Any]) -> SetParametersResult:
         """Take parameters that may change while the node runs, and refuse what does not fit."""
@@ -123,7 +120,7 @@ class FilterNode(LifecycleNode):
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Read the parameters and connect; a value or a file that does not fit is FAILURE."""
         maps_logger = logging.getLogger("hcbf_robots.maps")
-        self._cleanup.append(partial(maps_logger.removeHandler, self._log_handler))
+        self._cleanup.callback(maps_logger.removeHandler, self._log_handler)
         maps_logger.setLevel(logging.INFO)
         maps_logger.addHandler(self._log_handler)
         try:
@@ -151,7 +148,7 @@ class FilterNode(LifecycleNode):
         self._transforms = None
         if optional.Transforms.can_be_imported():
             self._transforms = optional.Transforms(self)
-            self._cleanup.append(self._transforms.close)
+            self._cleanup.callback(self._transforms.close)
         self._hear(velocity_type, settings.cmd_vel_in_topic, self._on_command, RELIABLE)
         self._hear(Odometry, settings.odom_topic, self._on_odometry, SENSOR)
         if settings.pose_source == "topic":
@@ -160,7 +157,7 @@ class FilterNode(LifecycleNode):
         self._intake = Intake(core, self._lock, self._now, self._hear, self._transforms, logger)
         toggle_type = optional.nav2("Toggle", "srv") or SetBool
         toggle = self.create_service(toggle_type, "~/toggle", self._on_toggle)
-        self._cleanup.append(partial(self.destroy_service, toggle))
+        self._cleanup.callback(self.destroy_service, toggle)
         self._period_timer = self._timer(settings.period, self._on_period)
         self._timer(1.0, self._on_second)
 
@@ -212,9 +209,7 @@ class FilterNode(LifecycleNode):
         if self._intake is not None:
             self._intake.close()
         self._intake = self._core = None
-        for destroy in self._cleanup:
-            destroy()
-        self._cleanup = []
+        self._cleanup.close()
 
     def destroy_node(self) -> None:
         """End the other threads, and destroy the node."""
@@ -229,18 +224,17 @@ class FilterNode(LifecycleNode):
 
     def _publisher(self, message_type: Any, topic: str) -> Any:
         publisher = self.create_lifecycle_publisher(message_type, topic, RELIABLE)
-        self._cleanup.append(partial(self.destroy_lifecycle_publisher, publisher))
+        self._cleanup.callback(self.destroy_lifecycle_publisher, publisher)
         return publisher
 
     def _hear(self, message_type: Any, topic: str, callback: Callable[..., Any], qos: Any) -> None:
         subscription = self.create_subscription(message_type, topic, callback, qos)
-        self._cleanup.append(partial(self.destroy_subscription, subscription))
+        self._cleanup.callback(self.destroy_subscription, subscription)
 
     def _timer(self, period: float, callback: Callable[[], None]) -> Any:
         """Return a timer on the steady clock, as a node's clock may stop."""
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        timer = self.create_timer(period, callback, clock=clock)
-        self._cleanup.append(partial(self.destroy_timer, timer))
+        timer = self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._cleanup.callback(self.destroy_timer, timer)
         return timer
 
     def _now(self) -> Now:
@@ -327,7 +321,6 @@ class FilterNode(LifecycleNode):
         return response
 
     def _on_second(self) -> None:
-        """Publish the diagnostics, which are due once a second."""
         if self.is_active:
             self._reporter.diagnose(self._now(), self._stamp())
 

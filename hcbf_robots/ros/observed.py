@@ -35,8 +35,6 @@ class Source:
         node_settings: the node's parameters.
 
     Attributes:
-        settings: the source's parameters.
-        is_scan: whether it is a scan, whose barriers move with the robot's pose.
         watch: checks its messages.
         frame: the frame that its messages must have.
         enabled: whether the filter uses its barriers.

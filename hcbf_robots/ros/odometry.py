@@ -52,18 +52,12 @@ class FrozenPose:
 
 
 def advanced(start: Odometry, stamp: float, twist: Array) -> Array:
-    """Return (3,) the pose at a later stamp [s], at which the twist is `twist` (3,).
-
-    The robot moves by the mean of the twists at both ends.
-    """
+    """Return (3,) the pose at a later stamp [s], by the mean of the twists (3,) at both ends."""
     return moved(start.pose, 0.5 * (start.twist + twist), stamp - start.stamp)
 
 
 def pose_at(track: deque[Odometry], stamp: float) -> Array | None:
-    """Return (3,) a track's pose at a stamp [s], interpolated, or extrapolated if that is near.
-
-    None is returned where the track does not reach.
-    """
+    """Return (3,) the pose at a stamp [s], inter- or extrapolated; None too far from the track."""
     later: Odometry | None = None
     for sample in reversed(track):
         if sample.stamp <= stamp:

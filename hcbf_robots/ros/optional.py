@@ -4,8 +4,8 @@ import importlib
 from typing import Any
 
 
-def _module_with(module: str, *names: str) -> Any:
-    """Return an imported module; None if it is missing or lacks one of the names."""
+def _import(module: str, *names: str) -> Any:
+    """Return a module by its name; None if it is missing, or lacks one of the names."""
     try:
         imported = importlib.import_module(module)
     except ImportError:
@@ -15,7 +15,7 @@ def _module_with(module: str, *names: str) -> Any:
 
 def nav2(name: str, kind: str = "msg") -> Any:
     """Return the class of one of Nav2's messages, or services ("srv"); None without nav2_msgs."""
-    return getattr(_module_with(f"nav2_msgs.{kind}"), name, None)
+    return getattr(_import(f"nav2_msgs.{kind}"), name, None)
 
 
 class Transforms:
@@ -39,8 +39,7 @@ class Transforms:
     @staticmethod
     def can_be_imported() -> bool:
         """Return whether tf2 is installed."""
-        names = "Buffer", "TransformListener", "TransformException"
-        return _module_with("tf2_ros", *names) is not None
+        return _import("tf2_ros", "Buffer", "TransformListener", "TransformException") is not None
 
     def newest(self, parent: str, child: str) -> Any:
         """Return the newest `geometry_msgs/TransformStamped` of a frame in its parent, or None."""
@@ -52,7 +51,7 @@ class Transforms:
 
 def bond(node: Any, name: str) -> Any:
     """Return a started bond of a node with the lifecycle manager; None without bondpy."""
-    module = _module_with("bondpy.bondpy", "Bond")
+    module = _import("bondpy.bondpy", "Bond")
     if module is None:
         return None
     started = module.Bond(topic="/bond", id=name, node=node)

@@ -27,9 +27,7 @@ class Parameter(NamedTuple):
     def read(self, value: Any, whole_name: str) -> Any:
         """Return a value of ROS or of a file, converted to the type that the settings have.
 
-        Args:
-            value: the value as it was given.
-            whole_name: the name for errors, with the source's name in front of a source's.
+        `whole_name`, for errors, has the name of a source in front.
 
         Raises:
             InvalidInputError: if it is of another type, out of range or none of the choices.
@@ -76,10 +74,7 @@ def naming(whole_name: str) -> Iterator[None]:
 def parameter(
     default: Any, about: str, low: float = -math.inf, high: float = math.inf, **options: Any
 ) -> Any:
-    """Return a dataclass field that describes a parameter, see `Parameter` for the arguments.
-
-    The default may be a function, which returns the value. The options are `choices` and `live`.
-    """
+    """Return a dataclass field that describes a `Parameter`; a function returns its default."""
     metadata = {"about": about, "low": low, "high": high, **options}
     if callable(default):
         return field(default_factory=default, metadata=metadata)

@@ -50,10 +50,7 @@ def read(given: Mapping[str, object]) -> Settings:
     values = {name: known[name].read(value, name) for name, value in given.items()}
     sources = []
     for source in names:
-        of_source = {}
-        for parameter in OF_SOURCE:
-            whole_name = f"{source}.{parameter.name}"
-            of_source[parameter.name] = values.pop(whole_name, parameter.default)
+        of_source = {p.name: values.pop(f"{source}.{p.name}", p.default) for p in OF_SOURCE}
         sources.append(SourceSettings(source, **of_source))
         _check_source(sources[-1])
     settings = Settings(**values, sources=tuple(sources))

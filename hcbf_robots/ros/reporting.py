@@ -54,8 +54,8 @@ class Reporter:
         self._publish_state(decision)
         if self._report.get_subscription_count() > 0:
             self._report.publish(_array(_report(decision), stamp))
-        are_due = now.steady - self._markers_at > MARKER_PERIOD
-        if are_due and self._markers.get_subscription_count() > 0:
+        is_due = now.steady - self._markers_at > MARKER_PERIOD
+        if is_due and self._markers.get_subscription_count() > 0:
             self._markers_at = now.steady
             self._markers.publish(markers.marker_array(self._core, decision, stamp))
 
@@ -101,9 +101,8 @@ class Reporter:
 
 def _report(decision: Decision) -> DiagnosticStatus:
     """Return all numbers of a step as a message, which bags can record."""
-    command = decision.command
-    if command is None:
-        command = np.full(len(decision.nominal), np.nan)
+    nothing = np.full(len(decision.nominal), np.nan)
+    command = nothing if decision.command is None else decision.command
     report = {"wanted": decision.nominal, "given": command, **(decision.report or {})}
     values = []
     for key, numbers in report.items():

@@ -15,10 +15,8 @@ from hcbf_robots.maps import Grid, nav2, reading
 from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_adapter import Adapter
 
-BEAMS = 360
-"""Number of the scan's beams, all around the robot."""
-NEAREST_BEAM, FARTHEST_BEAM = 0.05, 10.0
-"""Shortest and longest range that the scan measures [m]."""
+BEAMS, NEAREST_BEAM, FARTHEST_BEAM = 360, 0.05, 10.0
+"""Beams of the scan, all around the robot; shortest and longest range that it measures [m]."""
 RANGE_NOISE = 0.01
 """Standard deviation of a range [m]."""
 COMMAND_TIMEOUT = 0.5
@@ -92,8 +90,8 @@ class SimulatedRobot:
         self._ticks_due += seconds / self.dt
         while self._ticks < round(self._ticks_due):
             if self._ticks % self._ticks_per_action == 0:
-                is_commanded = self.time < self._commanded_until
-                self._drive.command[:] = self._command if is_commanded else 0.0
+                is_fresh = self.time < self._commanded_until
+                self._drive.command[:] = self._command if is_fresh else 0.0
                 self._drive.act()
             self._ticks += 1
             self.physics.step(self._drive.ctrl)

@@ -120,8 +120,7 @@ def _sensor_path(path: Array | None, mount: tuple[float, float, float], count: i
         return None
     poses = np.array([placed(pose, np.array(mount)) for pose in path])
     poses[:, 2] = np.unwrap(poses[:, 2])
-    steps = np.arange(len(path))
-    beam_steps = np.linspace(0.0, len(path) - 1.0, count)
+    steps, beam_steps = np.arange(len(path)), np.linspace(0.0, len(path) - 1.0, count)
     x, y, yaw = (np.interp(beam_steps, steps, axis) for axis in (poses - poses[0]).T)
     cos, sin = np.cos(poses[0, 2]), np.sin(poses[0, 2])
     return np.column_stack([cos * x + sin * y, cos * y - sin * x, yaw])

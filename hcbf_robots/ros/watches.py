@@ -29,20 +29,15 @@ class Fault(NamedTuple):
         return f"{self.source}: {self.message}"
 
 
-class HeldFault:
-    """A fault that lasts until a time of the steady clock, such as after a jump of the pose."""
+class HeldFault(NamedTuple):
+    """A fault that lasts for a while, such as after a jump of the pose; at first there is none."""
 
-    def __init__(self) -> None:
-        self._fault: Fault | None = None
-        self._until = -math.inf
+    fault: Fault | None = None
+    until: float = -math.inf  # a time of the steady clock [s]
 
-    def begin(self, fault: Fault, until: float) -> None:
-        """Hold a fault until a time of the steady clock [s], in the place of an earlier one."""
-        self._fault, self._until = fault, until
-
-    def fault(self, now: Now) -> Fault | None:
+    def at(self, now: Now) -> Fault | None:
         """Return the fault while it lasts, else None."""
-        return None if now.steady >= self._until else self._fault
+        return None if now.steady >= self.until else self.fault
 
 
 class Watch:
@@ -52,9 +47,6 @@ class Watch:
         name: the source of its faults.
         timeout: the age at which a message is stale [s]; 0 for never.
         tolerance: the time by which a stamp may be ahead of the clock [s].
-
-    Attributes:
-        stamp: the newest accepted stamp [s]; −inf before any message.
     """
 
     def __init__(self, name: str, timeout: float, tolerance: float):
@@ -63,7 +55,7 @@ class Watch:
 
     def forget(self) -> None:
         """Return to the state in which no message has come."""
-        self.stamp = self._received = -math.inf
+        self.stamp = self._received = -math.inf  # of the newest message, and when it came [s]
         self._wrong = ""
 
     def set_known(self) -> None:
@@ -78,10 +70,7 @@ class Watch:
             self.set_known()
 
     def hear(self, stamp: float, now: Now, frame: str = "", expected: str = "") -> bool:
-        """Accept a message; return False where its stamp or frame is wrong, or it is not newer.
-
-        The stamp [s] is on the node's clock. An `expected` frame of "" is any.
-        """
+        """Accept a message; return False if its stamp [s] or frame is wrong, or it is not newer."""
         age = now.ros - stamp
         if expected and frame != expected:
             return self.refuse(f"frame {frame!r}, expected {expected!r}")
@@ -136,8 +125,6 @@ class ClockWatch:
 
     def fault(self, now: Now) -> Fault | None:
         """Return a fault where the clock stands still, else None."""
-        if self._last_change is None:
-            return None
-        stood = now.steady - self._last_change.steady
+        stood = 0.0 if self._last_change is None else now.steady - self._last_change.steady
         message = f"has stood still for {stood:.2f} s"
         return Fault("clock", message) if stood > self._timeout else None
