@@ -68,12 +68,7 @@ class Follower:
             self.velocity, self._input = rotation @ self.velocity, rotation @ self._input
 
     def measured_state(self, pose: Array, twist: Array) -> Array:
-        """Return (4,) the measured position and velocity of the point p in the world.
-
-        Args:
-            pose: (3,) of the robot's centre [m, rad].
-            twist: (3,) of the robot's centre, in the robot's axes [m/s, rad/s].
-        """
+        """Return (4,) position and velocity of p in the world, by pose and twist of the centre."""
         x, y, yaw = pose
         cos, sin = math.cos(yaw), math.sin(yaw)
         look_ahead = self._adapter.look_ahead
@@ -84,7 +79,8 @@ class Follower:
     def velocity_at(self, present: float, yaw: float, measured: Array) -> Array:
         """Return (2,) the model's velocity at the present [s], in the world [m/s].
 
-        After a pause of more than τ + δ no earlier command acts, and it is the measured one (2,).
+        After a pause of more than τ + δ no earlier command acts. The model then restarts with the
+        measured velocity (2,), as far as the cap allows.
         """
         axes = self._axes(yaw)
         passed = present - self._input_at
@@ -151,7 +147,7 @@ class Follower:
         return np.eye(2) if self._axle is None or not math.isfinite(yaw) else _rotation(yaw)
 
     def _capped(self, velocity: Array) -> Array:
-        """Return a measured velocity (2,), reduced to one that the cap allows a restart with."""
+        """Return a measured velocity (2,), reduced to the largest with which the model restarts."""
         if self._axle is not None:
             fastest_across = self._adapter.look_ahead * float(self.limits[-1])
             bounds = np.array([min(self.begins_at, self._axle.forward), fastest_across])

@@ -33,8 +33,7 @@ class Odometry:
     """
 
     def __init__(self, robot: Robot, follower: Follower, max_acceleration: float, period: float):
-        self._follower, self._period = follower, period
-        self._max_acceleration = max_acceleration
+        self._follower, self._max_acceleration, self._period = follower, max_acceleration, period
         self._monitor = MotionMonitor(robot.command, robot.response, 1.0, period, max_acceleration)
         self.forget()
 

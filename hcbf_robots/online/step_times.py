@@ -57,9 +57,8 @@ class StepTimes:
 
     def is_missing(self, present: float) -> bool:
         """Return whether a sample was due before the present [s]."""
-        return (
-            self.accepted_at is not None and present - self.accepted_at > LATE_AFTER * self._period
-        )
+        last = self.accepted_at
+        return last is not None and present - last > LATE_AFTER * self._period
 
     def elapsed(self, present: float) -> float | None:
         """Return the time since the last accepted step [s]; None without one before the present."""

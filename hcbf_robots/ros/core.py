@@ -115,7 +115,8 @@ class NodeCore:
     ) -> None:
         """Take the odometry, see `Localization.hear_odometry`."""
         self._clock.see(now)
-        if self.localization.hear_odometry(pose, twist, stamp, now, *frames):  # it has jumped
+        has_jumped = self.localization.hear_odometry(pose, twist, stamp, now, *frames)
+        if has_jumped:
             for source in self.sources.values():
                 if source.is_scan:  # the pose at which it was measured is unknown now
                     source.watch.forget()
@@ -221,9 +222,7 @@ class NodeCore:
         return entries
 
     def planned(self, goal: ArrayLike | None) -> VelocityFilter:
-        """Return a filter for `take` that leads to a goal (2,) [m], with its field computed.
-
-        Without a goal it has no guidance.
+        """Return a filter for `take` that leads to a goal (2,) [m] by a computed field, or to none.
 
         Raises:
             InvalidInputError: if no path leads there.
@@ -298,7 +297,7 @@ class NodeCore:
         ]
 
     def _filtered(self, now: Now) -> Decision:
-        """Return the filter's decision where there is no fault before it."""
+        """Return the filter's decision, or zero velocity if a source or an alarm requires it."""
         newest = self.localization.newest
         if newest is None:  # the latest odometry has jumped
             return self._stop([Fault("odometry", "nothing received")], now)
@@ -324,6 +323,7 @@ class NodeCore:
         if math.isfinite(now.ros) and now.ros > self._last_time:
             _, report = self._filter.step(zero, None, None, math.nan, now.ros)
         gravest = faults[0]
+        # nothing is wrong when only the planner is silent, as between two goals
         is_idle = len(faults) == 1 and gravest.source == "command" and gravest.is_stale
         is_invalid_source = gravest.source in self.sources and gravest.message != INSIDE
         decision = self._zero(faults, "invalid source" if is_invalid_source else gravest.source)

@@ -21,7 +21,7 @@ from hcbf_robots.ros.watches import Now
 from hcbf_robots.ros.worker import Worker
 
 WARNING_INTERVAL = 1.0
-"""Shortest time between two warnings in the log from one line of code [s]."""
+"""Shortest time between two warnings of faulty sources [s]."""
 
 
 class _Mask(NamedTuple):

@@ -61,32 +61,49 @@ def of_scan(
 ) -> Entries:
     """Return the barriers of a scan in the robot's axes at its stamp.
 
-    A beam that failed or is out of range counts as one that saw nothing, +inf.
-
     Args:
         source: the scan's settings.
         beams: the scan.
         mount: pose of the sensor on the robot [m, rad].
         horizon: how far from the sensor the robot must see regions [m].
-        path: (n, 3) poses of the robot at equal times, from the first beam, at the stamp, to the
+        path: (n, 3) poses of the robot at equal times, from the first beam (at the stamp) to the
             last [m, rad]; None where it is at rest.
 
     Raises:
         InvalidInputError: if limits or angles are invalid, there is no beam, half of them failed,
             are negative or nearer than can be measured, or a number is not finite.
     """
+    ranges = _accepted_ranges(source.name, beams)
+    angles = beams.first + beams.step * np.arange(ranges.size)
+    sensor_path = _sensor_path(path, mount, ranges.size)
+    errors = source.range_noise, source.scan_period, source.obstacle_speed
+    scan = Scan(
+        name=source.name,
+        points=points_of(ranges, angles, source.name, sensor_path),
+        pose=mount,
+        period=source.scan_period,
+        speed=source.obstacle_speed,
+        rank=source.priority,
+        margin=source.margin,
+        noise=source.range_noise,
+        reach=max(REACH, horizon + reserved(*errors, source.margin)),
+    )
+    return (scan,)
+
+
+def _accepted_ranges(name: str, beams: Beams) -> Array:
+    """Return (k,) the ranges of a scan [m]; those that failed or are out of range become +inf."""
     if not 0.0 <= beams.least < beams.most:
         raise InvalidInputError(
             f"range_min and range_max: got {beams.least} and {beams.most}, expected "
             "0 ≤ range_min < range_max"
         )
-    ranges = as_array(source.name, beams.ranges).astype(np.float64)
+    ranges = as_array(name, beams.ranges).astype(np.float64)
     count = ranges.size
     if beams.step == 0.0 and count > 1:
         raise InvalidInputError(
             f"angle_increment: got 0 with {count} ranges, expected the angle between two beams"
         )
-    angles = beams.first + beams.step * np.arange(count)
     is_zero = ranges == 0.0  # some drivers report a beam that saw nothing by 0
     is_near = np.isfinite(ranges) & (ranges < beams.least)
     has_failed = np.isnan(ranges) | (is_near & ~is_zero)
@@ -98,20 +115,7 @@ def of_scan(
             f"{100.0 * failed_share:.0f} % of {count} beams failed or saw something nearer than "
             f"{beams.least:g} m, expected less than half"
         )
-    ranges = np.where(~(ranges <= beams.most) | is_near, np.inf, ranges)
-    errors = source.range_noise, source.scan_period, source.obstacle_speed
-    scan = Scan(
-        source.name,
-        points_of(ranges, angles, source.name, _sensor_path(path, mount, count)),
-        mount,
-        source.scan_period,
-        source.obstacle_speed,
-        source.priority,
-        source.margin,
-        source.range_noise,
-        reach=max(REACH, horizon + reserved(*errors, source.margin)),
-    )
-    return (scan,)
+    return np.where(~(ranges <= beams.most) | is_near, np.inf, ranges)
 
 
 def _sensor_path(path: Array | None, mount: tuple[float, float, float], count: int) -> Array | None:
