@@ -33,7 +33,7 @@ def moved(pose: Array, twist: Array, seconds: float) -> Array:
 
 
 def placed(frame: Array, pose: Array) -> Array:
-    """Return (3,) in the parent of a frame (x, y, θ) a pose that is given in it [m, rad]."""
+    """Return (3,) a pose of a frame, expressed in the frame's parent; both are x, y, θ [m, rad]."""
     cos, sin = math.cos(frame[2]), math.sin(frame[2])
     x, y, yaw = pose
     return np.array([frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y, frame[2] + yaw])

@@ -379,7 +379,7 @@ class NodeCore:
         self._restart_filter()
 
     def _place_scans(self, frame: Array) -> None:
-        """Place scans anew where odometry's frame (3,) in the global one has changed [m, rad].
+        """Place scans again where odometry's frame (3,) in the global one has changed [m, rad].
 
         A correction of the pose moves scans, too: the robot's pose was wrong, while the distances
         that it measured were right.

@@ -39,7 +39,7 @@ class Source:
         frame: the frame that its messages must have.
         enabled: whether the filter uses its barriers.
         entries: its newest barriers, in the global frame.
-        measured: the newest scan, in the robot's axes: each correction of the pose places it anew.
+        measured: the newest scan, in the robot's axes: each correction of the pose places it again.
     """
 
     def __init__(self, settings: SourceSettings, node_settings: Settings):

@@ -106,9 +106,9 @@ def _check_scan_or_grid(source: SourceSettings) -> None:
         for name in ("topic", "file", "filter_info_topic")
         if source.type in TYPES_OF_PARAMETER.get(name, TYPES)
     ]
-    given = [f"{source.name}.{name}" for name in origins if getattr(source, name)]
-    if len(given) != 1:
-        got = " and ".join(given) or f"no {source.name}.topic"
+    chosen = [f"{source.name}.{name}" for name in origins if getattr(source, name)]
+    if len(chosen) != 1:
+        got = " and ".join(chosen) or f"no {source.name}.topic"
         raise InvalidInputError(
             f"parameter {source.name}.topic: got {got}, expected one of {', '.join(origins)}"
         )

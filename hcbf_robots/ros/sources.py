@@ -143,7 +143,7 @@ def of_grid(
     """Return the ranked map of an occupancy grid, or () if it has no classes.
 
     100 % of a speed mask are `fastest` [m/s]. If only cells differ from the entries `before`, these
-    cells alone are covered anew, which takes less time. Without a difference the map is the same.
+    cells alone are covered again, which takes less time. Without a difference the map is the same.
 
     Raises:
         InvalidInputError: if its values make no classes.
