@@ -43,7 +43,7 @@ class Drive:
         self.core = NodeCore(read({**({} if "robot" in given else CART), **given}))
         self.now = Now(1.7e9, 50.0)
         self.pose = np.array(start, dtype=np.float64)
-        self.velocity: Array = np.zeros(len(self.core.step(self.now).wanted))
+        self.velocity: Array = np.zeros(len(self.core.step(self.now).nominal))
         self.motion: Array = np.zeros(2)  # as fast as its accelerations let it follow
         self.wanted, self.ticks = wanted, 0
         self.decisions: list[tuple[Now, Decision]] = []

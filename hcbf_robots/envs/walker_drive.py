@@ -1,4 +1,4 @@
-"""A walker that moves: its tick is the adapter, the robot's controller and the physics."""
+"""A simulated walker with its controller, run for one control step at a time."""
 
 import math
 
@@ -20,11 +20,11 @@ from hcbf_robots.walkers.walker_terms import Observer, Source
 
 
 class WalkerDrive(Drive[WalkerPhysics]):
-    """A walker in its scene, commanded the velocity of a reduced-order model.
+    """A walker in its scene, whose controller is commanded the velocity of a reduced-order model.
 
-    The model is ``p̈ = u``: its velocity is v ← v + T u, its position is the robot's, as a
-    velocity alone is commanded. A differential drive holds its command in its own axes, so that the
-    velocity of the point before it turns with the heading (`models.axle`).
+    The model is ``p̈ = u``. Its velocity is v ← v + T u, and its position is the robot's, because
+    only a velocity is commanded. A differential drive holds its command in its own axes, so that
+    the velocity of the point before it turns with the heading (`models.axle`).
 
     Args:
         simulation: the scene.
@@ -33,9 +33,10 @@ class WalkerDrive(Drive[WalkerPhysics]):
         widened: factor on the bounds of the response's error.
 
     Attributes:
-        command: (k,) the controller's, in the robot's axes [m/s, rad/s].
-        ctrl: (k,) inputs of the actuators.
-        failed: whether the controller gave something that is no action; the last one was held.
+        command: (k,) the controller's command, in the robot's axes [m/s, rad/s].
+        ctrl: (n,) inputs of the n actuators.
+        failed: whether the controller's last output was not a valid action, so that the inputs
+            before it are held.
     """
 
     def __init__(
@@ -58,22 +59,22 @@ class WalkerDrive(Drive[WalkerPhysics]):
             self.command, self._action, self._phase,
         )  # fmt: skip
         self._observer = Observer(walker.observation, source)
-        turn = 0.0 if walker.phase is None else walker.phase.frequency * walker.period
-        self._clock = math.tau * turn
+        cycles = 0.0 if walker.phase is None else walker.phase.frequency * walker.period
+        self._phase_step = math.tau * cycles  # from one action to the next [rad]
         self._controller: Controller | None = None
-        self._velocity: Array = np.zeros(2)  # of the model
-        self._speeds: Array = np.zeros(2)  # of a differential drive, (v, ω)
+        self._velocity: Array = np.zeros(2)  # of the model, in the world [m/s]
+        self._speeds: Array = np.zeros(2)  # (v, ω) of a differential drive [m/s, rad/s]
         self._look_ahead = adapter.look_ahead
-        self._wanted = 0.0, 0.0  # the adapter's velocity
-        self._drives = False  # whether `_speeds` are commanded
+        self._followed = 0.0, 0.0  # the velocity that the adapter turns into commands [m/s]
+        self._commands_speeds = False  # whether `_speeds` are commanded in its place
         super().__init__(simulation, footprint, adapter.look_ahead)
-        self._per_action = round(walker.period / self._timestep)
+        self._ticks_per_action = round(walker.period / self._timestep)
 
     def rest(self, position: Array) -> None:
         """Be at rest at a position (2,) [m]."""
         super().rest(position)
-        self._velocity[:], self._speeds, self._drives = 0.0, np.zeros(2), False
-        self._since = 0
+        self._velocity[:], self._speeds, self._commands_speeds = 0.0, np.zeros(2), False
+        self._ticks_done = 0  # since the reset
         self._monitor.reset()
         self._fault = Reason.NONE
         self.failed = False
@@ -90,38 +91,36 @@ class WalkerDrive(Drive[WalkerPhysics]):
     def hold(self, u: Array, barriers: BarrierSet, time: float) -> Motion:
         """Hold the model's u (2,) [m/s²] for the control step that begins at a time [s]."""
         if self._look_ahead > 0.0:
-            e, across = self._axes()
-            speeds = self._speeds + task.CONTROL_DT * np.array(
-                [u @ e, u @ across / self._look_ahead]
-            )
-            self._speeds, self._drives = self.adapter.within(speeds), True
+            ahead, left = self._axes()
+            rates = np.array([u @ ahead, u @ left / self._look_ahead])
+            self._speeds = self.adapter.within(self._speeds + task.CONTROL_DT * rates)
+            self._commands_speeds = True
             return self._run(barriers, time)
         self._velocity += task.CONTROL_DT * u
         return self.follow(self._velocity, barriers, time)
 
     def _axes(self) -> tuple[Array, Array]:
-        """Return the heading (2,) and the direction to its left."""
+        """Return the unit vectors (2,) of the heading and of the direction to its left."""
         cos, sin = math.cos(self.simulation.yaw), math.sin(self.simulation.yaw)
         return np.array([cos, sin]), np.array([-sin, cos])
 
     def follow(self, velocity: Array, barriers: BarrierSet, time: float) -> Motion:
         """Command a velocity (2,) in the world [m/s] for one control step."""
         vx, vy = velocity.tolist()
-        self._wanted, self._drives = (vx, vy), False
+        self._followed, self._commands_speeds = (vx, vy), False
         return self._run(barriers, time)
 
     def _tick(self, k: int) -> bool:
         simulation = self.simulation
-        if self._since % self._per_action == 0:
-            if self._drives:
+        if self._ticks_done % self._ticks_per_action == 0:
+            if self._commands_speeds:
                 self.command[:] = self._speeds
             else:
-                self.command[:] = self.adapter.command(
-                    *self._wanted, simulation.yaw, simulation.yaw_rate
-                )
+                heading = simulation.yaw, simulation.yaw_rate
+                self.command[:] = self.adapter.command(*self._followed, *heading)
             self._monitor.command(self.command, self._began + k * self._timestep)
             self.act()
-        self._since += 1
+        self._ticks_done += 1
         simulation.step(self.ctrl)
         return True
 
@@ -131,22 +130,22 @@ class WalkerDrive(Drive[WalkerPhysics]):
         x = body.copy()
         x[2:] = self._velocity
         if self._look_ahead > 0.0:
-            e, across = self._axes()
-            x[2:] = self._speeds[0] * e + self._look_ahead * self._speeds[1] * across
+            ahead, left = self._axes()
+            x[2:] = self._speeds[0] * ahead + self._look_ahead * self._speeds[1] * left
         pose = np.array([body[0], body[1], yaw])
         self._fault = self._monitor.observe(pose, body[2:], time) or self._fault
         return Estimate(x, time, None, x, body - x, np.float64(yaw), fault=self._fault or None)
 
     def odometry(self) -> tuple[Array, float]:
-        """Return all that filter and monitor know: `truth` (4,) and the heading [rad]."""
+        """Return the measurements of filter and monitor: `truth` (4,) and the heading [rad]."""
         return self.truth, self.simulation.yaw
 
     def act(self) -> None:
-        """Call the controller; hold the last inputs where it returns none."""
-        seen = self._observer.observe()
+        """Call the controller; hold the last inputs if it returns no valid action."""
+        observation = self._observer.observe()
         assert self._controller is not None
         try:
-            action = np.asarray(self._controller(seen), dtype=np.float64)
+            action = np.asarray(self._controller(observation), dtype=np.float64)
         except UNREADABLE:
             action = np.array([np.nan])
         if action.shape == self._action.shape and math.isfinite(np.add.reduce(action)):
@@ -154,7 +153,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
             self.ctrl = self._offset + self._scale * action
         else:
             self.failed = True
-        if self._clock:
-            self._phase += self._clock
+        if self._phase_step:  # and wrap the phases to [−π, π)
+            self._phase += self._phase_step
             np.remainder(self._phase + math.pi, math.tau, self._phase)
             self._phase -= math.pi

@@ -1,4 +1,4 @@
-"""The scene with a walker in it, stepped under its own actuators' inputs."""
+"""The simulated scene of a walker."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ class WalkerPhysics(Simulation):
 
     Attributes:
         parts: names of the robot's parts.
-        at: their indices in the scene.
+        at: indices of these parts in the scene.
     """
 
     def __init__(
@@ -42,10 +42,9 @@ class WalkerPhysics(Simulation):
     ) -> None:
         self.walker = walker
         given = {} if randomization is None else randomization
-        drawn = Randomization.from_dict(
-            {"floor_friction": walker.physics.friction, "delay": 0.0, **given}
-        )
-        if drawn.sensor_noise[1] > 0.0:
+        defaults = {"floor_friction": walker.physics.friction, "delay": 0.0}
+        ranges = Randomization.from_dict({**defaults, **given})
+        if ranges.sensor_noise[1] > 0.0:
             raise InvalidInputError(
                 "randomization: sensor_noise: got more than 0, expected 0: a walker's controller "
                 "reads its sensors as they are"
@@ -62,13 +61,14 @@ class WalkerPhysics(Simulation):
             least_height=walker.fall.height,
             floor_decides=True,
         )
-        super().__init__(robot, drawn, obstacles, terrain, disturbances)
+        super().__init__(robot, ranges, obstacles, terrain, disturbances)
         self.at = indices(self.model, self.parts)
         self._floor = self.model.geom(scene.FLOOR).id
-        self._ctrl, self._driven = self.data.ctrl, as_slice(self.at.ctrl)
-        model = self.model
-        self._strength = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
-        self._strongest = model.actuator_forcerange.copy()
+        self._ctrl, self._ctrl_slice = self.data.ctrl, as_slice(self.at.ctrl)
+        # of motors of full strength
+        self._gain = self.model.actuator_gainprm.copy()
+        self._bias = self.model.actuator_biasprm.copy()
+        self._force_range = self.model.actuator_forcerange.copy()
 
     def reset(self, position: Array, yaw: float, rng: np.random.Generator) -> None:
         """Put the robot at rest, and compute what follows from its pose."""
@@ -76,23 +76,23 @@ class WalkerPhysics(Simulation):
         mujoco.mj_forward(self.model, self.data)
 
     def _set_conditions(self) -> None:
-        model, share = self.model, self.conditions.motor_strength
+        """Write the episode's friction and strength of the motors into the model."""
+        model, strength = self.model, self.conditions.motor_strength
         model.geom_friction[self._floor, 0] = self.conditions.floor_friction
-        gain, bias = self._strength
-        model.actuator_gainprm[:] = share * gain
-        model.actuator_biasprm[:] = share * bias
-        model.actuator_forcerange[:] = share * self._strongest
+        model.actuator_gainprm[:] = strength * self._gain
+        model.actuator_biasprm[:] = strength * self._bias
+        model.actuator_forcerange[:] = strength * self._force_range
 
     def step(self, inputs: Array) -> None:
         """Advance the physics by one tick under the actuators' inputs (k,)."""
         if self._delayed or self._pushes:
             inputs = self._disturbed(inputs)
-        self._ctrl[self._driven] = inputs
+        self._ctrl[self._ctrl_slice] = inputs
         mujoco.mj_step(self.model, self.data)
         if len(self._boxes):
             self._forces = self._measure_forces()
 
     @property
     def diverged(self) -> bool:
-        """Whether the robot's state has left the finite numbers."""
+        """Whether the robot's state is not finite any more."""
         return not _core.is_finite(self._qpos, self._qvel)

@@ -1,4 +1,4 @@
-"""What a filter assumes of a walker, from its contract and from what is declared."""
+"""The plant that a filter assumes of a walker, by its contract and the declared arguments."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -19,27 +19,25 @@ from hcbf_robots.walkers.walker_margins import (
 )
 from hcbf_robots.walkers.walker_response import assumed
 
-OFF_NOMINAL = 0.02
-"""Added to the margin of rows [m], and of the speed limit [m/s], where the arguments declare
-anything but the contract's robot on a flat and calm floor."""
-
-WIDENED = 2.0
-"""Factor on the bounds of the response's error there."""
+DEPARTURE_MARGIN = 0.02
+"""Added to the margin of rows [m] and of the speed limit [m/s] if `Declared.departures` has any."""
+DEPARTURE_FACTOR = 2.0
+"""Factor on the bounds of the response's error in the same case."""
 
 
 class Declared(NamedTuple):
-    """What the arguments of `WalkerRegionsEnv` declare, and how many boxes the scene has."""
+    """The declared arguments of `WalkerRegionsEnv`, and the number of boxes in its scene."""
 
     heading: str | None
     terrain: str
     randomization: Mapping[str, object] | None
     disturbances: Mapping[str, object] | None
-    boxes: int
-    body: str
-    v_max: float
+    boxes: int  # of the scene
+    body: str  # "point" or "footprint"
+    v_max: float  # the strict cap on the speed [m/s]
 
     def plain(self, walker: Walker) -> dict[str, Any]:
-        """Return what identifies this plant, as certificates compare it."""
+        """Return the record by which certificates identify this plant."""
         robot = certificates.robot_of(walker.name, walker.files)
         return records.plain({
             "environment": "HCBF-WalkerRegions-v0",
@@ -51,52 +49,53 @@ class Declared(NamedTuple):
 
     @property
     def departures(self) -> list[str]:
-        """The differences from a calm, flat floor and the robot of the contract, as phrases."""
-        ranges = {} if self.randomization is None else dict(self.randomization)
-        start = ("start_distance", "start_yaw")
-        plant = {name: value for name, value in ranges.items() if name not in start}
-        phrases = {
+        """The differences from a calm, flat floor and the robot of the contract, in words."""
+        plant_ranges = dict(self.randomization or {})
+        for of_start in ("start_distance", "start_yaw"):
+            plant_ranges.pop(of_start, None)
+        differences = {
             f"heading {self.heading!r}": self.heading is not None,
             f"terrain {self.terrain!r}": self.terrain != "flat",
-            f"randomization {plant}": Randomization.from_dict(plant).off_nominal,
+            f"randomization {plant_ranges}": Randomization.from_dict(plant_ranges).off_nominal,
             "disturbances": self.disturbances is not None,
             f"{self.boxes} boxes": self.boxes > 0,
         }
-        return [name for name, differs in phrases.items() if differs]
+        return [words for words, differs in differences.items() if differs]
 
-
-def widened(declared: Declared) -> float:
-    """Return the factor on the bounds of the response's error."""
-    return WIDENED if declared.departures else 1.0
+    @property
+    def error_factor(self) -> float:
+        """Factor on the bounds of the response's error."""
+        return DEPARTURE_FACTOR if self.departures else 1.0
 
 
 def plant_model(
     walker: Walker, declared: Declared, input_set: InputSet, body: float, is_own: bool
 ) -> PlantModel:
-    """Return what a filter assumes of a walker.
+    """Return the plant that a filter assumes of a walker.
 
-    A shipped certificate has the distance of the robot from its reduced-order model; where none
-    holds of the plant, `walker_margins` computes it.
+    Its margins are those of a shipped certificate. If none covers the plant, `walker_margins`
+    computes them from the robot's response.
 
     Args:
         walker: the robot.
-        declared: what the arguments declare.
+        declared: the declared arguments.
         input_set: U of the scene.
         body: the robot's reach beyond its trunk's origin [m]; 0 for a point.
-        is_own: whether nothing but the robot's motors caps its speed.
+        is_own: whether only the robot's motors cap its speed.
 
     Raises:
         InvalidInputError: if the margin of the speed limit leaves no speed.
     """
-    stated = declared.plain(walker)
+    identity = declared.plain(walker)
     response = walker.response or assumed(walker.command)
-    found = certificates.nearest(stated).despite(response.complaints)
-    more = OFF_NOMINAL if declared.departures else 0.0
-    known = found.margins or margins(response, CONTROL_DT, stated["robot"], more)
-    row = speed_row(declared.v_max, known.speed, is_own)
+    nearest = certificates.nearest(identity).despite(response.complaints)
+    extra = DEPARTURE_MARGIN if declared.departures else 0.0
+    reserved = nearest.margins or margins(response, CONTROL_DT, identity["robot"], extra)
+    v_max = speed_row(declared.v_max, reserved.speed, is_own)
     if not is_own:
-        warn_of_standing(row, known, response)
+        warn_of_standing(v_max, reserved, response)
     axle = axle_of(walker.command, response, input_set, declared.v_max)
-    known, able = known._replace(body=body), braked(input_set, response)
-    stopping = None if axle else stops(response, declared.v_max, able)
-    return PlantModel(able, row, known, stated, found, axle, stopping)
+    reachable = braked(input_set, response)
+    braking = None if axle else stops(response, declared.v_max, reachable)
+    uncertainty = reserved._replace(body=body)
+    return PlantModel(reachable, v_max, uncertainty, identity, nearest, axle, braking)

@@ -16,7 +16,7 @@ from hcbf_gym.errors import SafetyWarning, choose, warn_caller
 from hcbf_gym.scenarios import ScenarioLike
 from hcbf_robots.envs.walker_drive import WalkerDrive
 from hcbf_robots.envs.walker_physics import WalkerPhysics
-from hcbf_robots.envs.walker_plant import Declared, plant_model, widened
+from hcbf_robots.envs.walker_plant import Declared, plant_model
 from hcbf_robots.walkers.walker import Walker
 from hcbf_robots.walkers.walker_adapter import Adapter
 from hcbf_robots.walkers.walker_margins import speed_cap
@@ -28,8 +28,8 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
 
     ## Description
     The task of `RegionsEnv` with a robot in MuJoCo that has its own controller: a learned
-    policy, a vendor's, or wheels. The action is the acceleration of a reduced-order model; its
-    velocity, turned into the robot's axes, is commanded to the controller. Action, observation
+    policy, a vendor's, or wheels. The action is the acceleration of a reduced-order model. The
+    model's velocity, turned into the robot's axes, is the controller's command. Action, observation
     (with the robot's position and the model's velocity) and rewards are those of `RegionsEnv`,
     index by index, so that a policy trained there acts here unchanged. For a differential drive the
     action is that of the point before the axle, in axes that turn with the cart: with u = 0 it
@@ -39,9 +39,9 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     At rest at the scenario's start, facing along the reference.
 
     ## Episode End
-    Terminated when the robot falls, when its controller gives no finite action of its size, or when
-    a "reach" task's goal is within the scenario's `goal_radius`; truncated after 1000 steps (20 s),
-    or as many more as take it 24 m at its greatest speed, 40 m in a "reach" task.
+    Terminated when the robot falls, when its controller returns no finite action of its size, or
+    when a "reach" task's goal is within the scenario's `goal_radius`. Truncated after 1000 steps
+    (20 s), or as many more as it needs for 24 m at its greatest speed (40 m in a "reach" task).
     `max_episode_steps` of `gym.make` is another limit.
 
     ## Infos
@@ -88,11 +88,11 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         if heading is not None:
             choose("heading", heading, HEADINGS)
         scenes = SceneSource(scenario)
-        own, walker = scenes.own, Walker.load(robot)
+        scene, walker = scenes.own, Walker.load(robot)
         self.contract = walker
         simulation = WalkerPhysics(
             walker,
-            obstacles=own.obstacles,
+            obstacles=scene.obstacles,
             terrain=terrain,
             randomization=randomization,
             disturbances=disturbances,
@@ -101,24 +101,24 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         reach = 0.0
         if footprint is not None:
             reach = walker.body.reach or footprint.radius(simulation.home_joints)
-        cap, is_own = speed_cap(walker.command, v_max, own.v_max)
+        cap, is_own = speed_cap(walker.command, v_max, scene.v_max)
         declared = Declared(
-            heading, terrain, randomization, disturbances, len(own.obstacles), body, cap
+            heading, terrain, randomization, disturbances, len(scene.obstacles), body, cap
         )
-        known = plant_model(walker, declared, own.input_set, reach, is_own)
-        able = braking.weakest(known.input_set)
-        adapter = Adapter(walker.command, walker.response, able, walker.period, heading)
-        drive = WalkerDrive(simulation, adapter, footprint, widened(declared))
-        super().__init__(drive, known, scenes, terrain, render_mode)
+        model = plant_model(walker, declared, scene.input_set, reach, is_own)
+        u_max = braking.weakest(model.input_set)
+        adapter = Adapter(walker.command, walker.response, u_max, walker.period, heading)
+        drive = WalkerDrive(simulation, adapter, footprint, declared.error_factor)
+        super().__init__(drive, model, scenes, terrain, render_mode)
 
     @property
     def fastest(self) -> float:
         """The greatest speed that the rows of the speed limit leave the robot [m/s]."""
-        known = self._known
-        return float(braking.speed_left(known.v_max, known.uncertainty.speed))
+        model = self._known
+        return float(braking.speed_left(model.v_max, model.uncertainty.speed))
 
     def _stopped(self) -> bool:
-        """Return whether the robot has fallen or its controller has failed; warn if it has."""
+        """Return whether the robot has fallen or its controller has failed; warn of the latter."""
         if self.drive.failed:
             warn_caller(
                 f"walker {self.contract.name!r}: its controller {self.contract.policy} gave no "

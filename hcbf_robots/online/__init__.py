@@ -1,4 +1,4 @@
-"""The filter without Gymnasium: a velocity and a pose in, a velocity out."""
+"""The filter without Gymnasium: it takes a velocity and a pose, and returns a velocity."""
 
 from hcbf_robots.online.robot import Robot
 from hcbf_robots.online.velocity_filter import VelocityFilter

@@ -1,4 +1,4 @@
-"""The point that follows commands: its model between two of them, and the next command."""
+"""The reduced-order model of a robot between two commands, and the command of its next input."""
 
 import math
 
@@ -11,151 +11,152 @@ from hcbf_robots.online.robot import Robot
 from hcbf_robots.walkers.walker_adapter import Adapter
 
 PAUSE = 1.5
-"""Periods without an input after which the model begins anew, unless the robot follows slower."""
+"""Periods without an input after which the model restarts, unless the robot responds slower."""
 
 
 class Follower:
-    """The reduced-order model of a robot that takes velocities, from one command to the next.
+    """The double integrator ``p̈ = u`` that a robot follows, from one command to the next.
 
-    The model retains its velocity in the world's axes. That of a cart is the point before its axle
-    and retains it in the cart's own, as the command turns with it (`models.axle`).
+    Its position p is the robot's centre, or a point before the axle of a differential drive. Its
+    velocity is constant while u = 0, in *model axes*: the world's, or those of a differential
+    drive, with which its command turns (`models.axle`).
 
     Args:
         robot: its commands and response.
-        axle: what limits a differential drive; None for all others.
-        follows: τ + δ, after which no earlier command is under way [s].
-        able: the greatest acceleration that U has in every direction [m/s²].
-        period: T, for which an input is held at most [s].
+        axle: the limits of a differential drive; None for other robots.
+        delay: τ + δ, after which no earlier command acts any more [s].
+        u_max: the largest acceleration that U contains in every direction [m/s²].
+        period: T, the longest time for which an input is held [s].
 
     Attributes:
-        limits: of a command [m/s, rad/s].
+        limits: (k,) of a command [m/s, rad/s].
         fastest: the greatest commanded speed [m/s].
-        begins_at: the greatest speed with which the model begins [m/s].
-        velocity: (2,) of the model when it was last known, in its axes [m/s].
+        begins_at: the greatest speed at which the model restarts [m/s].
+        velocity: (2,) of the model at the last input, in model axes [m/s].
     """
 
-    def __init__(self, robot: Robot, axle: Axle | None, follows: float, able: float, period: float):
+    def __init__(self, robot: Robot, axle: Axle | None, delay: float, u_max: float, period: float):
         self.limits: Array = robot.command.limits
         self.fastest = self.begins_at = robot.command.fastest
-        self._adapter = Adapter(robot.command, robot.response, able, period, "free")
-        self._axle, self._follows, self._able, self._period = axle, follows, able, period
+        self._adapter = Adapter(robot.command, robot.response, u_max, period, "free")
+        self._axle, self._delay, self._u_max, self._period = axle, delay, u_max, period
         self.forget()
 
     def forget(self) -> None:
-        """Begin without any command."""
+        """Return to the state before the first command."""
         self.velocity: Array = np.zeros(2)
-        self._input: Array = np.zeros(2)
-        self._frame_yaw = 0.0  # of the pose's frame in the barriers' [rad]
+        self._input: Array = np.zeros(2)  # u since then, in model axes [m/s²]
+        self._frame_yaw = 0.0  # yaw of the pose's frame in the barriers' frame [rad]
         self.pause()
 
     def pause(self) -> None:
-        """Let the model begin with the velocity that is measured next."""
-        self._moved = -math.inf  # when the model's velocity was last known [s]
+        """Let the model restart with the velocity that is measured next."""
+        self._input_at = -math.inf  # time of the last input [s]
         self._adapter.rest()
 
     def go_on_from(self, other: "Follower") -> None:
         """Take the state of another model of the same robot."""
-        self.velocity, self._input, self._moved = other.velocity, other._input, other._moved
+        self.velocity, self._input, self._input_at = other.velocity, other._input, other._input_at
         self._frame_yaw = other._frame_yaw
         self._adapter.rest(other._adapter.turns)
 
-    def turn(self, yaw: float) -> None:
-        """Let the model's velocity turn with the pose's frame, which has this yaw [rad]."""
+    def set_frame_yaw(self, yaw: float) -> None:
+        """Turn velocity and input with the pose's frame, whose yaw [rad] a correction changes."""
         turned, self._frame_yaw = math.remainder(yaw - self._frame_yaw, math.tau), yaw
         if turned != 0.0 and self._axle is None:
-            turn = _rotation(turned)
-            self.velocity, self._input = turn @ self.velocity, turn @ self._input
+            rotation = _rotation(turned)
+            self.velocity, self._input = rotation @ self.velocity, rotation @ self._input
 
-    def measured(self, place: Array, motion: Array) -> Array:
-        """Return (4,) position and velocity in the world of the point that follows commands.
-
-        Args:
-            place: (3,) pose of the robot's centre [m, rad].
-            motion: (3,) its twist, in the robot's axes [m/s, rad/s].
-        """
-        x, y, yaw = place
+    def measured_state(self, pose: Array, twist: Array) -> Array:
+        """Return (4,) position and velocity of p in the world, by pose and twist of the centre."""
+        x, y, yaw = pose
         cos, sin = math.cos(yaw), math.sin(yaw)
-        ahead = self._adapter.look_ahead
-        forward, aside = motion[0], motion[1] + motion[2] * ahead
-        velocity = cos * forward - sin * aside, sin * forward + cos * aside
-        return np.array([x + ahead * cos, y + ahead * sin, *velocity])
+        look_ahead = self._adapter.look_ahead
+        forward, sideways = twist[0], twist[1] + twist[2] * look_ahead
+        velocity = cos * forward - sin * sideways, sin * forward + cos * sideways
+        return np.array([x + look_ahead * cos, y + look_ahead * sin, *velocity])
 
-    def now(self, velocity: Array, yaw: float, present: float) -> Array:
-        """Return (2,) the model's velocity at a present [s], in the world [m/s].
+    def velocity_at(self, present: float, yaw: float, measured: Array) -> Array:
+        """Return (2,) the model's velocity at the present [s], in the world [m/s].
 
-        It follows from the last input. After a pause of more than τ + δ no earlier command is under
-        way, and the model begins with the measured velocity (2,).
+        After a pause of more than τ + δ no earlier command acts. The model then restarts with the
+        measured velocity (2,), as far as the cap allows.
         """
         axes = self._axes(yaw)
-        passed = present - self._moved
-        if passed > max(self._follows, PAUSE * self._period):
-            now = self._capped(velocity @ axes)
+        passed = present - self._input_at
+        if passed > max(self._delay, PAUSE * self._period):
+            velocity = self._capped(measured @ axes)
         else:
-            now = self.velocity + min(max(passed, 0.0), self._period) * self._input
-        return now @ axes.T
+            velocity = self.velocity + min(max(passed, 0.0), self._period) * self._input
+        return velocity @ axes.T
 
-    def nominal(self, wanted: Array, yaw: float, now: Array) -> Array:
-        """Return u* (2,) that brings the model's velocity (2,) to a command's, within U [m/s²].
+    def nominal_input(self, nominal: Array, yaw: float, velocity: Array) -> Array:
+        """Return u* (2,) that brings the model to the nominal command in one period, within U.
 
         Args:
-            wanted: a command [m/s, rad/s].
+            nominal: (k,) the nominal command [m/s, rad/s].
             yaw: the robot's heading [rad].
-            now: (2,) the model's velocity in the world [m/s].
+            velocity: (2,) the model's, in the world [m/s].
         """
-        wanted = np.clip(wanted, -self.limits, self.limits)
-        own = wanted if len(wanted) == 3 else wanted * np.array([1.0, self._adapter.look_ahead])
+        command = np.clip(nominal, -self.limits, self.limits)
         heading = yaw if math.isfinite(yaw) else 0.0
         if self._axle is not None:
-            own[0] = min(max(own[0], -self.fastest), self.fastest)
+            target = command * np.array([1.0, self._adapter.look_ahead])
+            target[0] = min(max(target[0], -self.fastest), self.fastest)
             axes = self._axes(heading)
-            change = (own - now @ axes) / self._period
-            most = np.array([self._axle.braking, self._axle.across])
-            return axes @ np.clip(change, -most, most)
+            u = (target - velocity @ axes) / self._period
+            largest = np.array([self._axle.braking, self._axle.across])
+            return axes @ np.clip(u, -largest, largest)
+        forward, sideways, _ = command
         cos, sin = math.cos(heading), math.sin(heading)
-        velocity = np.array([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1]])
-        velocity *= min(1.0, self.fastest / max(float(np.hypot(*velocity)), TINY))
-        missing = (velocity - now) / self._period
-        size = float(np.hypot(*missing))
-        return missing * min(1.0, self._able / size) if size > 0.0 else missing
+        target = np.array([cos * forward - sin * sideways, sin * forward + cos * sideways])
+        target *= min(1.0, self.fastest / max(float(np.hypot(*target)), TINY))
+        u = (target - velocity) / self._period
+        size = float(np.hypot(*u))
+        return u * min(1.0, self._u_max / size) if size > 0.0 else u
 
     def follow(self, velocity: Array, u: Array, yaw: float, present: float) -> None:
-        """Note the input (2,) of the world that the model follows from a velocity (2,) on."""
-        axes = self._axes(yaw)
-        self.velocity, self._input, self._moved = velocity @ axes, u @ axes, present
+        """Hold an input u (2,) from the present [s] on, at which the model has a velocity (2,).
 
-    def command(self, wanted: Array, yaw: float, rate: float) -> Array:
-        """Return the command of the chosen input, in the robot's axes [m/s, rad/s].
+        Both are in the world [m/s², m/s]; `yaw` is the robot's heading [rad].
+        """
+        axes = self._axes(yaw)
+        self.velocity, self._input, self._input_at = velocity @ axes, u @ axes, present
+
+    def command(self, nominal: Array, yaw: float, turning_rate: float) -> Array:
+        """Return (k,) the command of the held input, in the robot's axes [m/s, rad/s].
 
         Args:
-            wanted: the nominal command.
+            nominal: (k,) the nominal command, whose turning rate a robot with three takes.
             yaw: the robot's heading [rad].
-            rate: at which it turns [rad/s].
+            turning_rate: the robot's measured rate [rad/s].
         """
-        soon = self.velocity + self._period * self._input
+        target = self.velocity + self._period * self._input
         if self._axle is not None:
-            return self._adapter.within(soon / np.array([1.0, self._adapter.look_ahead]))
-        self._adapter.turn = float(wanted[-1])
-        return np.array(self._adapter.command(soon[0], soon[1], yaw, rate))
+            return self._adapter.within(target / np.array([1.0, self._adapter.look_ahead]))
+        self._adapter.turn = float(nominal[-1])
+        return np.array(self._adapter.command(target[0], target[1], yaw, turning_rate))
 
     def stop(self) -> Array:
-        """Return the command where the state is unknown: zero."""
+        """Return (k,) the command zero, for a state that is unknown."""
         self._adapter.rest()
         return np.zeros(len(self.limits))
 
     def _axes(self, yaw: float) -> Array:
-        """Return (2, 2) in columns the axes in which the model retains its velocity."""
+        """Return (2, 2) the model axes in columns."""
         return np.eye(2) if self._axle is None or not math.isfinite(yaw) else _rotation(yaw)
 
     def _capped(self, velocity: Array) -> Array:
-        """Return a measured velocity, shortened to what the cap allows: the model begins there."""
+        """Return a measured velocity (2,), reduced to the largest with which the model restarts."""
         if self._axle is not None:
-            beside = self._adapter.look_ahead * float(self.limits[-1])
-            sides = np.array([min(self.begins_at, self._axle.forward), beside])
-            return np.clip(velocity, -sides, sides)
+            fastest_across = self._adapter.look_ahead * float(self.limits[-1])
+            bounds = np.array([min(self.begins_at, self._axle.forward), fastest_across])
+            return np.clip(velocity, -bounds, bounds)
         speed = float(np.hypot(*velocity))
         return velocity * min(1.0, self.begins_at / speed) if speed > 0.0 else velocity
 
 
 def _rotation(yaw: float) -> Array:
+    """Return (2, 2) the rotation by an angle [rad]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return np.array([[cos, -sin], [sin, cos]])

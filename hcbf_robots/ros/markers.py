@@ -1,4 +1,4 @@
-"""Markers for RViz: the pieces near the robot by rank, the nominal command and the filtered one."""
+"""Markers for RViz: regions near the robot by rank, the nominal velocity and the filtered one."""
 # pyright: reportMissingImports=false
 # messages come with ROS, or with the extra ros-wheels
 
@@ -13,63 +13,83 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.many import each
 from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.shape import Oval, Shape
+from hcbf_robots.online.sample import placed
 from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.decisions import Decision
 
-NEAR = 4.0
-"""Pieces nearer to the robot are drawn [m]."""
-COLORS = ((0.8, 0.1, 0.1), (0.9, 0.5, 0.0), (0.1, 0.3, 0.8), (0.4, 0.2, 0.6))
-"""Red, green and blue of ranks 1, 2, 3 and lower."""
+Color = tuple[float, float, float]  # red, green and blue, each from 0 to 1
+RANK_COLORS = {1: (0.8, 0.1, 0.1), 2: (0.9, 0.5, 0.0), 3: (0.1, 0.3, 0.8)}
+LOWER_RANK_COLOR, NOMINAL_COLOR, FILTERED_COLOR = (0.4, 0.2, 0.6), (0.5, 0.5, 0.5), (0.0, 0.6, 0.2)
+OPACITY = 0.9
+DRAWN_WITHIN = 4.0
+"""Outlines that come nearer to the robot than this are drawn [m]."""
+OVAL_CORNERS = 24  # of the polygon that is drawn for an oval
+LINE_WIDTH, SHAFT_WIDTH, HEAD_WIDTH = 0.02, 0.03, 0.06
+"""Widths of outlines, and of the shaft and the head of an arrow [m]."""
 
 
-def of(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
-    """Return the markers of a core and its decision, with a stamp in ROS's form."""
-    place = core.place
-    ranks: dict[int, list[Array]] = {}
-    for source in core.sources.values():
-        for one in each(source.entries) if source.enabled else ():
-            found = ranks.setdefault(int(one.priority), [])
-            found += [c for c in _outlines(one) if np.hypot(*(c - place[:2]).T).min() < NEAR]
-    made = [Marker(action=Marker.DELETEALL)]
-    for rank, outlines in sorted(ranks.items()):
-        lines = _marker(core, stamp, f"rank {rank}", Marker.LINE_LIST, COLORS[min(rank, 4) - 1])
-        lines.scale.x = 0.02
-        ends = [np.stack([one, np.roll(one, -1, axis=0)], 1).reshape(-1, 2) for one in outlines]
-        lines.points = [_point(at) for at in np.concatenate(ends)] if ends else []
-        made.append(lines)
-    arrows = {"wanted": (decision.wanted, (0.5, 0.5, 0.5))}
+def marker_array(core: NodeCore, decision: Decision, stamp: Any) -> MarkerArray:
+    """Return the markers of a decision at a `builtin_interfaces/Time`, which replace all others."""
+    markers = [Marker(action=Marker.DELETEALL)]
+    for rank, outlines in sorted(_nearby_outlines(core).items()):
+        color = RANK_COLORS.get(rank, LOWER_RANK_COLOR)
+        lines = _marker(core, stamp, f"rank {rank}", Marker.LINE_LIST, color)
+        lines.scale.x = LINE_WIDTH
+        lines.points = [_point(end) for outline in outlines for end in _edge_ends(outline)]
+        markers.append(lines)
+    markers.append(_arrow(core, stamp, "wanted", decision.nominal, NOMINAL_COLOR))
     if decision.command is not None:
-        arrows["given"] = decision.command, (0.0, 0.6, 0.2)
-    for name, (command, color) in arrows.items():
-        arrow = _marker(core, stamp, name, Marker.ARROW, color)
-        arrow.scale.x, arrow.scale.y = 0.03, 0.06
-        cos, sin = np.cos(place[2]), np.sin(place[2])
-        ahead, aside = command[0], command[1] if len(command) == 3 else 0.0
-        moved = np.array([cos * ahead - sin * aside, sin * ahead + cos * aside])
-        arrow.points = [_point(place[:2]), _point(place[:2] + moved)]
-        made.append(arrow)
-    return MarkerArray(markers=made)
+        markers.append(_arrow(core, stamp, "given", decision.command, FILTERED_COLOR))
+    return MarkerArray(markers=markers)
 
 
-def _outlines(one: Any) -> list[Array]:
-    """Return (k, 2) corners [m] around the inside of a barrier's pieces."""
-    if isinstance(one, Mapped):
-        return one.pieces.polygons
-    if isinstance(one, Shape):
-        outline = one.outline()
-        if isinstance(outline, Oval):
-            return [outline.corners(24)]
-        return [outline] if isinstance(outline, np.ndarray) else []
-    return []
+def _nearby_outlines(core: NodeCore) -> dict[int, list[Array]]:
+    """Return rank → (k, 2) outlines near the robot [m], of each rank that an enabled source has."""
+    position = core.pose[:2]
+    by_rank: dict[int, list[Array]] = {}
+    for source in core.sources.values():
+        for barrier in each(source.entries) if source.enabled else ():
+            nearby = by_rank.setdefault(int(barrier.priority), [])
+            for outline in _outlines(barrier):
+                distances = np.hypot(*(outline - position).T)
+                if distances.min() < DRAWN_WITHIN:
+                    nearby.append(outline)
+    return by_rank
 
 
-def _marker(core: NodeCore, stamp: Any, name: str, kind: int, color: tuple[float, ...]) -> Marker:
-    made = Marker(ns=name, type=kind, action=Marker.ADD)
-    made.header.stamp, made.header.frame_id = stamp, core.settings.global_frame_id
-    made.pose.orientation.w = 1.0
-    made.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=0.9)
-    return made
+def _outlines(barrier: Any) -> list[Array]:
+    """Return the outlines of a barrier's pieces by their (k, 2) corners [m]; some have none."""
+    if isinstance(barrier, Mapped):
+        return barrier.pieces.polygons
+    outline = barrier.outline() if isinstance(barrier, Shape) else None
+    if isinstance(outline, Oval):
+        return [outline.corners(OVAL_CORNERS)]
+    return [outline] if isinstance(outline, np.ndarray) else []
 
 
-def _point(at: Array) -> Point:
-    return Point(x=float(at[0]), y=float(at[1]))
+def _edge_ends(outline: Array) -> Array:
+    """Return (2k, 2) both ends of each edge of a closed outline, as a list of lines has them."""
+    return np.stack([outline, np.roll(outline, -1, axis=0)], axis=1).reshape(-1, 2)
+
+
+def _arrow(core: NodeCore, stamp: Any, name: str, velocity: Array, color: Color) -> Marker:
+    """Return an arrow along a velocity (v, ω) or (v_x, v_y, ω), one metre long at 1 m/s."""
+    arrow = _marker(core, stamp, name, Marker.ARROW, color)
+    arrow.scale.x, arrow.scale.y = SHAFT_WIDTH, HEAD_WIDTH
+    sideways = velocity[1] if len(velocity) == 3 else 0.0
+    tip = placed(core.pose, np.array([velocity[0], sideways, 0.0]))
+    arrow.points = [_point(core.pose), _point(tip)]
+    return arrow
+
+
+def _marker(core: NodeCore, stamp: Any, name: str, marker_type: int, color: Color) -> Marker:
+    """Return a marker in the global frame, still without points and widths."""
+    marker = Marker(ns=name, type=marker_type, action=Marker.ADD)
+    marker.header.stamp, marker.header.frame_id = stamp, core.settings.global_frame_id
+    marker.pose.orientation.w = 1.0
+    marker.color = ColorRGBA(r=color[0], g=color[1], b=color[2], a=OPACITY)
+    return marker
+
+
+def _point(position: Array) -> Point:
+    return Point(x=float(position[0]), y=float(position[1]))

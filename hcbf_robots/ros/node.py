@@ -1,7 +1,7 @@
-"""The lifecycle node: messages in, the decisions of `core` out. It needs rclpy.
+"""The lifecycle node: it passes messages to `core` and publishes the decisions. It needs rclpy.
 
-Commands, odometry and the periods of the filter are handled by the executor's thread. What sources
-show is prepared in others and passed under a lock that is held for microseconds.
+The executor's thread handles commands, odometry and the periods of the filter. Other threads turn
+the sources' messages into barriers, and pass them under a lock that is held for microseconds.
 """
 # pyright: reportMissingImports=false
 # rclpy comes with ROS, or with the extra ros-wheels
@@ -41,14 +41,14 @@ from hcbf_robots.ros.watches import Now
 
 NAME = "hcbf_filter"
 
-SWITCH = 2e-4
-"""After which Python lets the other thread go on [s]."""
+SWITCH_INTERVAL = 2e-4
+"""Time after which Python switches to another thread [s]: the usual 5 ms would delay commands."""
 
 DONE, REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-class _ToRos(logging.Handler):
-    """Passes log records to a node's logger."""
+class _RosLogHandler(logging.Handler):
+    """Passes records of Python's logging to a node's logger."""
 
     def __init__(self, logger: Any):
         super().__init__()
@@ -59,7 +59,7 @@ class _ToRos(logging.Handler):
 
 
 class FilterNode(LifecycleNode):
-    """The node; see docs/ros.md for its topics, services and parameters.
+    """The lifecycle node; its topics, services and parameters are on the page docs/ros.md.
 
     Args:
         **options: as `rclpy.node.Node` takes them.
@@ -72,109 +72,108 @@ class FilterNode(LifecycleNode):
         self._bond: Any = None
         self._lock = threading.Lock()
         self.is_active = False
-        self._log = _ToRos(self.get_logger())
-        self._undo: list[tuple[Callable[[Any], Any], Any]] = []
+        self._log_handler = _RosLogHandler(self.get_logger())
+        self._cleanup = contextlib.ExitStack()  # undoes `on_configure`
         self._declare()
         self.add_on_set_parameters_callback(self._on_parameters)
 
-    def _given(self) -> dict[str, Any]:
-        """Return name → value of what is set; an empty list of a file has no value."""
-        found = self.get_parameters_by_prefix("")
-        return {name: one.value for name, one in found.items() if one.value is not None}
+    def _given_values(self) -> dict[str, Any]:
+        """Return name → value of the parameters that are set; an empty list in a file has none."""
+        parameters = self.get_parameters_by_prefix("")
+        return {name: given.value for name, given in parameters.items() if given.value is not None}
 
     def _declare(self) -> None:
-        """Declare what no file has given, so that ROS's tools show it with its meaning."""
-        listed = self._given().get("observation_sources", ())
-        names = [name for name in listed if isinstance(name, str)] if listed else []
-        for name, one in by_name(names).items():
+        """Declare and describe all parameters, so that ROS's tools show them with their meaning."""
+        listed = self._given_values().get("observation_sources") or ()
+        sources = [name for name in listed if isinstance(name, str)]
+        for name, parameter in by_name(sources).items():
+            default = parameter.default
+            if isinstance(default, tuple):
+                default = list(default) or None  # ROS cannot infer the type of an empty list
             if not self.has_parameter(name):
-                default = list(one.default) if isinstance(one.default, tuple) else one.default
-                value = None if default == [] else default
-                self.declare_parameter(name, value, _descriptor(one))
-            else:
-                # `configure` refuses a value that does not fit by its name
-                with contextlib.suppress(rclpy.exceptions.ParameterException):
-                    self.set_descriptor(name, _descriptor(one))
+                self.declare_parameter(name, default, _descriptor(parameter))
+                continue
+            # a value out of the range raises here; `on_configure` refuses it by its name
+            with contextlib.suppress(rclpy.exceptions.ParameterException):
+                self.set_descriptor(name, _descriptor(parameter))
 
     def _on_parameters(self, changed: list[Any]) -> SetParametersResult:
-        """Take what may change while the node runs, and refuse what does not fit."""
+        """Take parameters that may change while the node runs, and refuse what does not fit."""
         if self._core is None:
-            return SetParametersResult(successful=True)  # `configure` reads them all
+            return SetParametersResult(successful=True)  # `on_configure` reads them all
         try:
-            with self._lock, self._logged():
-                self._core.change({one.name: one.value for one in changed})
+            with self._lock, self._logged_warnings():
+                self._core.change({parameter.name: parameter.value for parameter in changed})
         except InvalidInputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     @contextlib.contextmanager
-    def _logged(self) -> Iterator[None]:
-        """Log the warnings inside, which Python ignores while the node runs."""
+    def _logged_warnings(self) -> Iterator[None]:
+        """Log the warnings of the block, each once; Python ignores them while the node runs."""
         with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
             yield
-        for text in dict.fromkeys(str(one.message) for one in raised):
-            self.get_logger().warning(text)
+        for message in dict.fromkeys(str(warning.message) for warning in raised):
+            self.get_logger().warning(message)
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
-        """Read the parameters; a value or a file that does not fit is FAILURE."""
-        maps = logging.getLogger("hcbf_robots.maps")
-        self._undo.append((maps.removeHandler, self._log))
-        maps.setLevel(logging.INFO)
-        maps.addHandler(self._log)
+        """Read the parameters and connect; a value or a file that does not fit is FAILURE."""
+        maps_logger = logging.getLogger("hcbf_robots.maps")
+        self._cleanup.callback(maps_logger.removeHandler, self._log_handler)
+        maps_logger.setLevel(logging.INFO)
+        maps_logger.addHandler(self._log_handler)
         try:
-            settings = read(self._given())
+            settings = read(self._given_values())
             _check_imports(settings)
-            self._check_velocities(settings)  # after namespaces and remapping
-            with self._logged():
+            self._check_velocity_topics(settings)
+            with self._logged_warnings():
                 self._core = NodeCore(settings)
             self._connect(self._core, settings)
-        except Exception as error:  # what ROS refuses, such as a topic's name, has many kinds
+        except Exception as error:  # ROS refuses a topic's name, for example, by various classes
             message = str(error) if isinstance(error, HcbfError) else repr(error)
             self.get_logger().error(f"configure: {message}")
             self._clean()
             return REFUSED
         gc.collect()
-        gc.freeze()  # what was imported stays: no collection shall look at it all again
+        gc.freeze()  # later collections skip what is imported, which takes them milliseconds
         return super().on_configure(state)
 
     def _connect(self, core: NodeCore, settings: Settings) -> None:
         """Make publishers, subscriptions, timers and the other threads."""
-        self._stamped = settings.enable_stamped_cmd_vel
-        kind = TwistStamped if self._stamped else Twist
-        self._velocity = self._publisher(kind, settings.cmd_vel_out_topic)
+        self._is_stamped = settings.enable_stamped_cmd_vel
+        velocity_type = TwistStamped if self._is_stamped else Twist
+        self._velocity = self._publisher(velocity_type, settings.cmd_vel_out_topic)
         self._reporter = Reporter(core, self.get_name(), self._publisher)
-        self._transforms = optional.Transforms(self) if optional.Transforms.can_be() else None
-        if self._transforms is not None:
-            self._undo.append((optional.Transforms.close, self._transforms))
-        self._hear(kind, settings.cmd_vel_in_topic, self._on_command, RELIABLE)
+        self._transforms = None
+        if optional.Transforms.can_be_imported():
+            self._transforms = optional.Transforms(self)
+            self._cleanup.callback(self._transforms.close)
+        self._hear(velocity_type, settings.cmd_vel_in_topic, self._on_command, RELIABLE)
         self._hear(Odometry, settings.odom_topic, self._on_odometry, SENSOR)
         if settings.pose_source == "topic":
             self._hear(PoseWithCovarianceStamped, settings.pose_topic, self._on_pose, RELIABLE)
         logger = self.get_logger()
         self._intake = Intake(core, self._lock, self._now, self._hear, self._transforms, logger)
-        service = self.create_service(
-            optional.nav2("Toggle", "srv") or SetBool, "~/toggle", self._on_toggle
-        )
-        self._undo.append((self.destroy_service, service))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(settings.period, self._on_period, clock=steady)
-        slow = self.create_timer(1.0, self._on_second, clock=steady)
-        self._undo += [(self.destroy_timer, self._timer), (self.destroy_timer, slow)]
+        toggle_type = optional.nav2("Toggle", "srv") or SetBool
+        toggle = self.create_service(toggle_type, "~/toggle", self._on_toggle)
+        self._cleanup.callback(self.destroy_service, toggle)
+        self._period_timer = self._timer(settings.period, self._on_period)
+        self._timer(1.0, self._on_second)
 
-    def _check_velocities(self, settings: Settings) -> None:
-        """Refuse to hear the velocities that the node publishes."""
-        wanted, given = settings.cmd_vel_in_topic, settings.cmd_vel_out_topic
-        whole = self.resolve_topic_name(given)
-        if self.resolve_topic_name(wanted) == whole:
+    def _check_velocity_topics(self, settings: Settings) -> None:
+        """Refuse to hear the published velocities, by names after namespaces and remapping."""
+        nominal, filtered = settings.cmd_vel_in_topic, settings.cmd_vel_out_topic
+        whole_name = self.resolve_topic_name(filtered)
+        if self.resolve_topic_name(nominal) == whole_name:
             raise InvalidInputError(
-                f"parameter cmd_vel_out_topic: got {given!r}, which is {whole} as {wanted!r} of "
-                "cmd_vel_in_topic, expected another"
+                f"parameter cmd_vel_out_topic: got {filtered!r}, which is {whole_name} as "
+                f"{nominal!r} of cmd_vel_in_topic, expected another"
             )
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Begin to publish."""
-        done = super().on_activate(state)
+        result = super().on_activate(state)
         with self._lock:
             self._configured.activate()
             if self._intake is not None:
@@ -182,10 +181,10 @@ class FilterNode(LifecycleNode):
         self.is_active = True
         if self._configured.settings.use_bond == "auto":
             self._bond = optional.bond(self, self.get_name())
-        return done
+        return result
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Publish zero once more, and nothing after it."""
+        """Publish zero velocity once more, and nothing after it."""
         if self.is_active:
             self._publish(np.zeros(3))
         self.is_active = False
@@ -195,73 +194,80 @@ class FilterNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
-        """Forget what was configured."""
+        """Undo `on_configure`."""
         self._clean()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
-        """Publish zero if the node was active, and end."""
+        """Publish zero velocity if the node was active, and undo `on_configure`."""
         self.on_deactivate(state)
         self._clean()
         return super().on_shutdown(state)
 
     def _clean(self) -> None:
+        """End the other threads, and destroy what `on_configure` has made."""
         if self._intake is not None:
             self._intake.close()
         self._intake = self._core = None
-        for destroy, one in self._undo:
-            destroy(one)
-        self._undo = []
+        self._cleanup.close()
 
     def destroy_node(self) -> None:
-        """Destroy the node, and end its threads."""
+        """End the other threads, and destroy the node."""
         self._clean()
         super().destroy_node()
 
     @property
     def _configured(self) -> NodeCore:
+        """The core, in callbacks that run only while the node is configured."""
         assert self._core is not None
         return self._core
 
-    def _publisher(self, kind: Any, topic: str) -> Any:
-        made = self.create_lifecycle_publisher(kind, topic, RELIABLE)
-        self._undo.append((self.destroy_lifecycle_publisher, made))
-        return made
+    def _publisher(self, message_type: Any, topic: str) -> Any:
+        publisher = self.create_lifecycle_publisher(message_type, topic, RELIABLE)
+        self._cleanup.callback(self.destroy_lifecycle_publisher, publisher)
+        return publisher
 
-    def _hear(self, kind: Any, topic: str, callback: Callable[[Any], None], quality: Any) -> None:
-        made = self.create_subscription(kind, topic, callback, quality)
-        self._undo.append((self.destroy_subscription, made))
+    def _hear(self, message_type: Any, topic: str, callback: Callable[..., Any], qos: Any) -> None:
+        subscription = self.create_subscription(message_type, topic, callback, qos)
+        self._cleanup.callback(self.destroy_subscription, subscription)
+
+    def _timer(self, period: float, callback: Callable[[], None]) -> Any:
+        """Return a timer on the steady clock, as a node's clock may stop."""
+        timer = self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._cleanup.callback(self.destroy_timer, timer)
+        return timer
 
     def _now(self) -> Now:
         return Now(1e-9 * self.get_clock().now().nanoseconds, time.monotonic())
 
     def _stamp(self) -> Any:
+        """Return the present on the node's clock, as a `builtin_interfaces/Time`."""
         return self.get_clock().now().to_msg()
 
     def _on_command(self, message: Any) -> None:
         if not self.is_active:
             return
         begun, now = time.perf_counter(), self._now()
-        header = message.header if self._stamped else None
-        twist = messages.twist_of(message.twist if self._stamped else message)
-        stamp = None if header is None else messages.seconds(header.stamp)
-        frame = "" if header is None else header.frame_id
+        header, stamp, frame, twist = None, None, "", message
+        if self._is_stamped:
+            header, frame, twist = message.header, message.header.frame_id, message.twist
+            stamp = messages.seconds(header.stamp) or None  # 0 means that there is none
         with self._lock:
-            accepted = self._configured.hear_command(twist, now, stamp or None, frame)
-        decision = self._decide(now, header if accepted else None)
-        self._reporter.note(time.perf_counter() - begun)
-        self._timer.reset()
+            is_accepted = self._configured.hear_command(messages.twist_of(twist), now, stamp, frame)
+        decision = self._decide(now, header if is_accepted else None)
+        self._reporter.note_latency(time.perf_counter() - begun)
+        self._period_timer.reset()
         self._reporter.publish(decision, now, self._stamp())
 
     def _on_period(self) -> None:
-        """Filter the last velocity again: none has come for a period."""
+        """Filter the last velocity again, because none has come for a period."""
         if not self.is_active:
             return
         now = self._now()
         self._reporter.publish(self._decide(now), now, self._stamp())
 
     def _decide(self, now: Now, header: Any = None) -> Decision:
-        """Publish a decision, and let a goal be planned again whose field was dropped."""
+        """Publish the core's decision; plan the goal again if its field was dropped."""
         with self._lock:
             decision, goal = self._configured.step(now), self._configured.goal_to_plan()
         if decision.command is not None:
@@ -271,28 +277,34 @@ class FilterNode(LifecycleNode):
         return decision
 
     def _publish(self, command: Any, header: Any = None) -> None:
-        """Publish a velocity, with the header of the nominal one, or one of now."""
-        message: Any = TwistStamped() if self._stamped else Twist()
+        """Publish a velocity, with the header of the nominal one, or with the present stamp."""
+        message: Any = TwistStamped() if self._is_stamped else Twist()
         if header is not None:
             message.header = header
-        elif self._stamped:
+        elif self._is_stamped:
             message.header.stamp = self._stamp()
             message.header.frame_id = self._configured.settings.base_frame_id
-        messages.write_twist(command, message.twist if self._stamped else message)
+        messages.write_twist(command, message.twist if self._is_stamped else message)
         self._velocity.publish(message)
 
     def _on_odometry(self, message: Any) -> None:
-        now, core, header = self._now(), self._configured, message.header
+        now, header = self._now(), message.header
         pose, twist = messages.pose_of(message.pose.pose), messages.twist_of(message.twist.twist)
         stamp, frames = messages.seconds(header.stamp), (header.frame_id, message.child_frame_id)
         with self._lock:
-            if self._transforms is not None and core.settings.pose_source == "tf":
-                between = core.settings.global_frame_id, core.settings.odom_frame_id
-                found = self._transforms.newest(*between)
-                placed = None if found is None else messages.transform_of(found.transform)
-                at = 0.0 if found is None else messages.seconds(found.header.stamp)
-                core.localization.hear_correction(placed, at)
-            core.hear_odometry(pose, twist, stamp, now, *frames)
+            if self._configured.settings.pose_source == "tf":
+                self._look_up_correction()
+            self._configured.hear_odometry(pose, twist, stamp, now, *frames)
+
+    def _look_up_correction(self) -> None:
+        """Pass the newest pose of odometry's frame in the global one, as tf has it, to the core."""
+        assert self._transforms is not None  # `_check_imports`
+        settings, correction, stamp = self._configured.settings, None, 0.0
+        newest = self._transforms.newest(settings.global_frame_id, settings.odom_frame_id)
+        if newest is not None:
+            correction = messages.transform_of(newest.transform)
+            stamp = messages.seconds(newest.header.stamp)
+        self._configured.localization.hear_correction(correction, stamp)
 
     def _on_pose(self, message: Any) -> None:
         header, pose = message.header, messages.pose_of(message.pose.pose)
@@ -301,7 +313,7 @@ class FilterNode(LifecycleNode):
             self._configured.localization.hear_pose(pose, stamp, now, header.frame_id)
 
     def _on_toggle(self, request: Any, response: Any) -> Any:
-        """Switch between filtering and passing on, by Nav2's Toggle or SetBool."""
+        """Switch the filter on or off, by a request of Nav2's Toggle or of SetBool."""
         enable = request.enable if hasattr(request, "enable") else request.data
         with self._lock:
             self._configured.enabled = bool(enable)
@@ -314,40 +326,40 @@ class FilterNode(LifecycleNode):
 
 
 def _check_imports(settings: Settings) -> None:
-    """Refuse parameters that need a package that is not installed."""
-    if settings.pose_source == "tf" and not optional.Transforms.can_be():
+    """Refuse parameters for which a package is not installed."""
+    if settings.pose_source == "tf" and not optional.Transforms.can_be_imported():
         raise InvalidInputError(
             "parameter pose_source: got 'tf' without tf2_ros, expected 'odom' or 'topic'"
         )
-    described = [one.name for one in settings.sources if one.filter_info_topic]
-    if described and optional.nav2("CostmapFilterInfo") is None:
+    need_nav2 = [source.name for source in settings.sources if source.filter_info_topic]
+    if need_nav2 and optional.nav2("CostmapFilterInfo") is None:
         raise InvalidInputError(
-            f"parameter {described[0]}.filter_info_topic: got it without nav2_msgs, expected "
+            f"parameter {need_nav2[0]}.filter_info_topic: got it without nav2_msgs, expected "
             "topic, with base and multiplier by parameter"
         )
 
 
-def _descriptor(one: Parameter) -> ParameterDescriptor:
-    """Return what ROS's tools show of a parameter."""
-    made = ParameterDescriptor(description=one.about, dynamic_typing=True)
-    if one.choices:
-        made.additional_constraints = f"one of {', '.join(one.choices)}"
-    if one.kind is float and math.isfinite(one.low):
-        high = min(float(one.high), sys.float_info.max)
-        made.floating_point_range = [FloatingPointRange(from_value=float(one.low), to_value=high)]
-    return made
+def _descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """Return the description of a parameter that ROS's tools show."""
+    descriptor = ParameterDescriptor(description=parameter.about, dynamic_typing=True)
+    if parameter.choices:
+        descriptor.additional_constraints = f"one of {', '.join(parameter.choices)}"
+    low, high = float(parameter.low), min(float(parameter.high), sys.float_info.max)
+    if parameter.kind is float and math.isfinite(low):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return descriptor
 
 
 def spin(arguments: list[str], *, autostart: bool) -> None:
-    """Run the node, with arguments for ROS, until it is interrupted.
+    """Run the node with arguments for ROS until it is interrupted.
 
-    With `autostart` it configures and activates itself; else a lifecycle manager does.
+    With `autostart` it configures and activates itself; else a lifecycle manager does that.
 
     Raises:
         InvalidInputError: if it configures itself and a parameter does not fit.
     """
-    warnings.simplefilter("ignore", SafetyWarning)  # the diagnostics contain them
-    sys.setswitchinterval(SWITCH)
+    warnings.simplefilter("ignore", SafetyWarning)  # the diagnostics show the same
+    sys.setswitchinterval(SWITCH_INTERVAL)
 
     def begin(node: FilterNode) -> None:
         if autostart and node.trigger_configure() != DONE:

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from hcbf_gym.errors import InvalidInputError, check_options, shown
 from hcbf_robots.ros.parameter import Parameter
 from hcbf_robots.ros.settings import (
-    BELONGS,
-    DESCRIBED,
+    DESCRIBE_ROBOT,
     FOREIGN,
     OF_NODE,
     OF_SOURCE,
     TYPES,
+    TYPES_OF_PARAMETER,
     Settings,
     SourceSettings,
 )
@@ -27,13 +27,15 @@ _PLACEHOLDER = re.compile(r"\{(node|ns|namespace)\}")
 
 
 def by_name(sources: Sequence[str]) -> dict[str, Parameter]:
-    """Return all parameters of a node with sources of these names: whole name → parameter."""
-    of_node = {one.name: one for one in OF_NODE}
-    return of_node | {f"{name}.{one.name}": one for name in sources for one in OF_SOURCE}
+    """Return whole name → parameter, for a node that has sources of these names."""
+    known = {parameter.name: parameter for parameter in OF_NODE}
+    for source in sources:
+        known |= {f"{source}.{parameter.name}": parameter for parameter in OF_SOURCE}
+    return known
 
 
 def read(given: Mapping[str, object]) -> Settings:
-    """Return the settings that parameters make; others have their defaults.
+    """Return the settings by the given parameters, and by the defaults of all others.
 
     Args:
         given: whole name → value, as a node or a file has them.
@@ -47,9 +49,9 @@ def read(given: Mapping[str, object]) -> Settings:
     check_options("parameters", given, known)
     values = {name: known[name].read(value, name) for name, value in given.items()}
     sources = []
-    for name in names:
-        own = {one.name: values.pop(f"{name}.{one.name}", one.default) for one in OF_SOURCE}
-        sources.append(SourceSettings(name, **own))
+    for source in names:
+        of_source = {p.name: values.pop(f"{source}.{p.name}", p.default) for p in OF_SOURCE}
+        sources.append(SourceSettings(source, **of_source))
         _check_source(sources[-1])
     settings = Settings(**values, sources=tuple(sources))
     _check_node(settings)
@@ -57,10 +59,10 @@ def read(given: Mapping[str, object]) -> Settings:
 
 
 def _source_names(listed: object) -> tuple[str, ...]:
-    """Return the names in `observation_sources`, which are different and those of no parameter."""
-    of_node = {one.name: one for one in OF_NODE}
-    names: tuple[str, ...] = of_node["observation_sources"].read(listed, "observation_sources")
-    are_valid = all(name.isidentifier() and name not in of_node for name in names)
+    """Return the names in `observation_sources`; refuse a repeated name, or a parameter's."""
+    known = by_name(())
+    names: tuple[str, ...] = known["observation_sources"].read(listed, "observation_sources")
+    are_valid = all(name.isidentifier() and name not in known for name in names)
     if not are_valid or len(set(names)) < len(names):
         raise InvalidInputError(
             f"parameter observation_sources: got {list(names)}, expected different names of "
@@ -69,23 +71,23 @@ def _source_names(listed: object) -> tuple[str, ...]:
     return names
 
 
-def _misfit(of: Settings | SourceSettings, name: str, expected: str) -> InvalidInputError:
-    """Return the error of a parameter that does not fit the others; it has the whole name."""
-    whole = f"{of.name}.{name}" if isinstance(of, SourceSettings) else name
-    return InvalidInputError(
-        f"parameter {whole}: got {shown(getattr(of, name))}, expected {expected}"
-    )
+def _misfit(settings: Settings | SourceSettings, name: str, expected: str) -> InvalidInputError:
+    """Return the error of a parameter that does not fit the others, by its whole name."""
+    whole_name = f"{settings.name}.{name}" if isinstance(settings, SourceSettings) else name
+    value = shown(getattr(settings, name))
+    return InvalidInputError(f"parameter {whole_name}: got {value}, expected {expected}")
 
 
 def _check_source(source: SourceSettings) -> None:
     """Refuse parameters of a source that do not fit its type, or one another."""
     if source.source_timeout < 0.0 and source.source_timeout != -1.0:
         raise _misfit(source, "source_timeout", "−1 or a number ≥ 0")
-    for own in OF_SOURCE:
-        types = BELONGS.get(own.name, TYPES)
-        if source.type not in types and getattr(source, own.name) != own.default:
-            expected = f"the default, {shown(own.default)}: {own.name} needs {source.name}.type "
-            raise _misfit(source, own.name, expected + " or ".join(types))
+    for parameter in OF_SOURCE:
+        name, default = parameter.name, parameter.default
+        types = TYPES_OF_PARAMETER.get(name, TYPES)
+        if source.type not in types and getattr(source, name) != default:
+            expected = f"the default, {shown(default)}: {name} needs {source.name}.type "
+            raise _misfit(source, name, expected + " or ".join(types))
     if source.type == "polygon":
         _check_polygon(source)
     elif source.type == "circle":
@@ -96,17 +98,17 @@ def _check_source(source: SourceSettings) -> None:
 
 
 def _check_scan_or_grid(source: SourceSettings) -> None:
-    """Refuse a scan or grid that comes from nowhere, or from two places."""
+    """Refuse a scan or grid without a topic or file, or with more than one of them."""
     if len(source.mount) != 3:
         raise _misfit(source, "mount", "x, y, yaw")
     origins = [
         name
         for name in ("topic", "file", "filter_info_topic")
-        if source.type in BELONGS.get(name, TYPES)
+        if source.type in TYPES_OF_PARAMETER.get(name, TYPES)
     ]
-    given = [f"{source.name}.{name}" for name in origins if getattr(source, name)]
-    if len(given) != 1:
-        got = " and ".join(given) or f"no {source.name}.topic"
+    chosen = [f"{source.name}.{name}" for name in origins if getattr(source, name)]
+    if len(chosen) != 1:
+        got = " and ".join(chosen) or f"no {source.name}.topic"
         raise InvalidInputError(
             f"parameter {source.name}.topic: got {got}, expected one of {', '.join(origins)}"
         )
@@ -132,22 +134,22 @@ def _check_circle(source: SourceSettings) -> None:
         raise _misfit(source, "radius", "a number > 0")
 
 
-def _check_topic_names(of: Settings | SourceSettings, names: Sequence[str]) -> None:
-    """Refuse parameters whose value is no valid name of a topic; "" is no topic."""
+def _check_topic_names(settings: Settings | SourceSettings, names: Sequence[str]) -> None:
+    """Refuse parameters that are not valid names of topics; "" is accepted for no topic."""
     for name in names:
-        topic = _PLACEHOLDER.sub("n", getattr(of, name))
+        topic = _PLACEHOLDER.sub("n", getattr(settings, name))
         if topic and _TOPIC.fullmatch(topic) is None:
             expected = "letters, digits and _, in parts that / separates and no digit begins"
-            raise _misfit(of, name, f"a topic: {expected}")
+            raise _misfit(settings, name, f"a topic: {expected}")
 
 
 def _check_node(settings: Settings) -> None:
-    """Refuse parameters of a node that do not fit one another."""
+    """Refuse parameters of the node that do not fit one another."""
     _check_frames(settings)
     _check_robot(settings)
     if settings.cmd_vel_timeout < settings.period:
         raise _misfit(settings, "cmd_vel_timeout", f"at least the period, {settings.period:g}")
-    topics = [one.name for one in OF_NODE if one.name.endswith("_topic")]
+    topics = [parameter.name for parameter in OF_NODE if parameter.name.endswith("_topic")]
     _check_topic_names(settings, topics)
     for name in topics:
         if not getattr(settings, name) and name != "state_topic":
@@ -169,9 +171,9 @@ def _check_frames(settings: Settings) -> None:
 
 
 def _check_robot(settings: Settings) -> None:
-    """Refuse a robot that two descriptions describe, or none that is complete."""
+    """Refuse a robot that is described twice, or not completely."""
     if settings.robot:
-        for name in DESCRIBED:
+        for name in DESCRIBE_ROBOT:
             if getattr(settings, name):
                 raise _misfit(settings, name, f"nothing beside robot {settings.robot!r}")
         return

@@ -1,4 +1,4 @@
-"""What the node reports: diagnostics, the collision monitor's state, report and markers."""
+"""Publishes the diagnostics, the collision monitor's state, the report and the markers."""
 # pyright: reportMissingImports=false
 # messages come with ROS, or with the extra ros-wheels
 
@@ -14,17 +14,17 @@ from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.decisions import Decision
 from hcbf_robots.ros.watches import Now
 
-SHOWN_EVERY = 0.2
-"""Of the markers, while they have subscribers [s]."""
+MARKER_PERIOD = 0.2
+"""Shortest time between two arrays of markers [s]."""
 
 
 class Reporter:
-    """Publishes after each command what has changed, and the diagnostics once a second.
+    """Publishes each decision to those who listen, and changes of level or action to all.
 
     Args:
-        core: the node's.
-        name: of the node.
-        publisher: makes a publisher of a message's type and a topic.
+        core: the node's core.
+        name: the node's name.
+        publisher: returns a publisher of a message type on a topic.
     """
 
     def __init__(self, core: NodeCore, name: str, publisher: Callable[[Any, str], Any]):
@@ -32,42 +32,48 @@ class Reporter:
         self._diagnostics = publisher(DiagnosticArray, "/diagnostics")
         self._report = publisher(DiagnosticArray, "~/report")
         self._markers = publisher(MarkerArray, "~/markers")
-        self._state_kind = optional.nav2("CollisionMonitorState") or KeyValue
+        self._state_type = optional.nav2("CollisionMonitorState") or KeyValue
         topic = core.settings.state_topic
-        self._state = publisher(self._state_kind, topic) if topic else None
+        self._state = publisher(self._state_type, topic) if topic else None
         self._decision: Decision | None = None
-        self._shown = self._published = ("", "")
+        self._last_diagnosis = self._last_state = ("", "")
         self._latency = self._slowest = 0.0
-        self._marked = 0.0
+        self._markers_at = 0.0  # when markers were published last [steady s]
 
-    def note(self, latency: float) -> None:
+    def note_latency(self, latency: float) -> None:
         """Note how long a command took from its arrival to its publication [s]."""
         self._latency, self._slowest = latency, max(self._slowest, latency)
 
     def publish(self, decision: Decision, now: Now, stamp: Any) -> None:
-        """Publish what has changed; `stamp` is now in ROS's form."""
+        """Publish a decision; `stamp` is the present, as a `builtin_interfaces/Time`."""
         self._decision = decision
-        kind = decision.level.name, decision.message.split(":")[0]
-        if kind != self._shown:
-            self._shown = kind
+        diagnosis = decision.level.name, decision.message.split(":")[0]
+        if diagnosis != self._last_diagnosis:
+            self._last_diagnosis = diagnosis
             self.diagnose(now, stamp)
-        state = decision.action.name, decision.name
-        if state != self._published and self._state is not None:
-            self._published = state
-            if self._state_kind is KeyValue:  # without Nav2
-                message = KeyValue(key=decision.action.name, value=decision.name)
-            else:
-                fields = {"action_type": int(decision.action), "polygon_name": decision.name}
-                message = self._state_kind(**fields)
-            self._state.publish(message)
+        self._publish_state(decision)
         if self._report.get_subscription_count() > 0:
-            self._report.publish(_array(_reported(decision), stamp))
-        if now.steady - self._marked > SHOWN_EVERY and self._markers.get_subscription_count() > 0:
-            self._marked = now.steady
-            self._markers.publish(markers.of(self._core, decision, stamp))
+            self._report.publish(_array(_report(decision), stamp))
+        is_due = now.steady - self._markers_at > MARKER_PERIOD
+        if is_due and self._markers.get_subscription_count() > 0:
+            self._markers_at = now.steady
+            self._markers.publish(markers.marker_array(self._core, decision, stamp))
+
+    def _publish_state(self, decision: Decision) -> None:
+        """Publish the collision monitor's state where it has changed."""
+        state = decision.action.name, decision.name
+        if self._state is None or state == self._last_state:
+            return
+        self._last_state = state
+        if self._state_type is KeyValue:  # without Nav2
+            message = KeyValue(key=decision.action.name, value=decision.name)
+        else:
+            fields = {"action_type": int(decision.action), "polygon_name": decision.name}
+            message = self._state_type(**fields)
+        self._state.publish(message)
 
     def diagnose(self, now: Now, stamp: Any) -> None:
-        """Publish the diagnostics of the last decision."""
+        """Publish the diagnostics of the last decision; the node calls it once a second, too."""
         decision, core = self._decision, self._core
         if decision is None:
             return
@@ -84,23 +90,24 @@ class Reporter:
             "fastest": f"{core.fastest:.3f}",
             "enabled": str(core.enabled).lower(),
         }
-        for name, one in core.sources.items():
-            fault = one.watch.fault(now)
+        for name, source in core.sources.items():
+            fault = source.watch.fault(now)
             state = "ok" if fault is None else fault.message
-            values[f"source {name}"] = state if one.enabled else "off"
+            values[f"source {name}"] = state if source.enabled else "off"
         status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
         self._slowest = 0.0
         self._diagnostics.publish(_array(status, stamp))
 
 
-def _reported(decision: Decision) -> DiagnosticStatus:
-    """Return all numbers of a step, for bags."""
-    given = np.full(len(decision.wanted), np.nan) if decision.command is None else decision.command
-    numbers = {"wanted": decision.wanted, "given": given, **(decision.report or {})}
-    values = [
-        KeyValue(key=key, value=" ".join(f"{n:.6g}" for n in np.atleast_1d(value)))
-        for key, value in numbers.items()
-    ]
+def _report(decision: Decision) -> DiagnosticStatus:
+    """Return all numbers of a step as a message, which bags can record."""
+    nothing = np.full(len(decision.nominal), np.nan)
+    command = nothing if decision.command is None else decision.command
+    report = {"wanted": decision.nominal, "given": command, **(decision.report or {})}
+    values = []
+    for key, numbers in report.items():
+        words = [f"{number:.6g}" for number in np.atleast_1d(numbers)]
+        values.append(KeyValue(key=key, value=" ".join(words)))
     level = bytes([decision.level])
     return DiagnosticStatus(level=level, name="report", message=decision.message, values=values)
 

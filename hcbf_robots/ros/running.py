@@ -1,4 +1,4 @@
-"""How a node of this package runs and ends, and the quality of service of its topics."""
+"""Runs a node of this package until a signal ends it; the quality of service of its topics."""
 # pyright: reportMissingImports=false
 # rclpy comes with ROS, or with the extra ros-wheels
 
@@ -19,32 +19,31 @@ SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MASK = QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-LOOKED_AT = 0.1
-"""How long a signal waits at most [s]."""
+SPIN_TIMEOUT = 0.1
+"""Longest time after which a node sees a signal [s]."""
 
 
 def run(
-    made: Callable[[], Any],
+    make_node: Callable[[], Any],
     arguments: list[str],
     begin: Callable[[Any], Any] = bool,
     end: Callable[[Any], Any] = bool,
 ) -> None:
     """Run a node until SIGINT or SIGTERM, or until ROS shuts down.
 
-    Signals do not shut ROS down at once, as they would by default: the node publishes zero first. A
-    second one ends the process.
-
-    `begin` is called with the node before it spins, `end` in any case, while it can still publish.
+    A signal does not shut ROS down at once, as it would by default, so that the node can publish
+    zero first. A second signal ends the process. `begin` is called with the node before it spins,
+    and `end` in any case, while it can still publish.
 
     Raises:
         InvalidInputError: if ROS refuses the arguments.
     """
-    ends = threading.Event()
+    has_signal = threading.Event()
 
     def stop(*_: Any) -> None:
-        if ends.is_set():
+        if has_signal.is_set():
             raise KeyboardInterrupt
-        ends.set()
+        has_signal.set()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
@@ -54,13 +53,13 @@ def run(
         raise InvalidInputError(
             f"ROS refuses the arguments or the parameter file: {error}"
         ) from error
-    node = made()
+    node = make_node()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         begin(node)
-        while not ends.is_set() and rclpy.ok():
-            executor.spin_once(timeout_sec=LOOKED_AT)
+        while not has_signal.is_set() and rclpy.ok():
+            executor.spin_once(timeout_sec=SPIN_TIMEOUT)
     finally:
         if rclpy.ok():
             end(node)

@@ -1,9 +1,9 @@
 """The settings of the ROS node, one field a parameter: its default, meaning, range and choices.
 
-A *source* is what shows the node regions: a laser scan, an occupancy grid (map, keepout mask or
-speed mask), or one region (polygon or circle). Names, meanings and defaults are those of Nav2's
-collision monitor wherever it has a parameter of the same meaning. A description that begins with
-types of sources, such as "scan:", belongs to a parameter of those alone, as `BELONGS` lists them.
+A *source* gives the node regions: a laser scan, an occupancy grid (map, keepout mask or speed
+mask), or one region (polygon or circle). Names, meanings and defaults are those of Nav2's
+collision monitor wherever it has a parameter of the same meaning. Where a description begins with
+types of sources, such as "scan:", only they have the parameter (`TYPES_OF_PARAMETER`).
 """
 
 import os
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from hcbf_gym import programs
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.models.clocks import AHEAD
-from hcbf_robots.ros.parameter import parameter, table
+from hcbf_robots.ros.parameter import parameter, parameters_of
 
 GRIDS = ("map", "keepout", "speed")
 """Types of sources that are occupancy grids."""
 PLACES = {"polygon": "points", "circle": "center"}
-"""Types of sources that are one region → the parameter that places it; a message may move it."""
+"""Type of a source that is one region → the parameter that places it; a message may move it."""
 TYPES = ("scan", *GRIDS, *PLACES)
 
 
@@ -150,15 +150,15 @@ class Settings:
     sources: tuple[SourceSettings, ...] = ()
 
 
-OF_NODE = table(Settings)
-OF_SOURCE = table(SourceSettings)
+OF_NODE = parameters_of(Settings)
+OF_SOURCE = parameters_of(SourceSettings)
 FOREIGN = ("use_sim_time", "qos_overrides", "start_type_description_service")
-"""First parts of the parameters that ROS declares in every node."""
-DESCRIBED = (
+"""Parameters that ROS declares in every node, or the first part of their names."""
+DESCRIBE_ROBOT = (
     "max_forward", "max_turn", "max_sideways", "look_ahead", "reach", "footprint", "response_file",
 )  # fmt: skip
 """Parameters that describe a robot without a contract."""
-BELONGS = {
+TYPES_OF_PARAMETER = {
     **dict.fromkeys(("mount", "scan_period", "obstacle_speed", "range_noise"), ("scan",)),
     **dict.fromkeys(("base", "multiplier", "percent"), ("speed",)),
     **dict.fromkeys(("center", "radius"), ("circle",)),
@@ -167,4 +167,4 @@ BELONGS = {
     "unknown": ("map",),
     "filter_info_topic": ("keepout", "speed"),
 }
-"""Parameters of a source that only sources of some types have → those types."""
+"""Parameter that only some sources have → their types; other parameters belong to all types."""

@@ -1,4 +1,4 @@
-"""The simulated robot's node; it needs rclpy."""
+"""The node that simulates a robot on the topics of a real one; it needs rclpy."""
 # pyright: reportMissingImports=false
 # rclpy comes with ROS, or with the extra ros-wheels
 
@@ -22,34 +22,34 @@ from hcbf_robots.ros.running import LATCHED, RELIABLE, SENSOR
 from hcbf_robots.ros.settings import stamped_by_default
 
 PERIOD = 0.02
-"""Of the odometry [s]."""
-SCAN_EVERY = 5
-"""Odometry messages between two scans."""
-BEHIND = 5
-"""Periods that it catches up at once at most; on a slower machine its time is slower."""
+"""Time between two messages of odometry [s]."""
+PERIODS_PER_SCAN = 5
+"""Periods of the odometry between two scans."""
+MAX_PERIODS_BEHIND = 5
+"""Most periods that are simulated at once; a slow machine lets the robot's time pass slower."""
 
 
 class SimulatedRobotNode(Node):
     """Steps the robot in real time, and publishes its measurements.
 
     Args:
-        robot: to step.
-        grids: topic → file of each map and mask that it publishes.
+        robot: the robot that is stepped.
+        grids: topic → file of each map and mask that is published.
     """
 
     def __init__(self, robot: SimulatedRobot, grids: dict[str, str]):
         super().__init__("hcbf_robot")
         self.robot = robot
         self._stamped = stamped_by_default()
-        kind = TwistStamped if self._stamped else Twist
-        self.create_subscription(kind, "cmd_vel", self._on_command, RELIABLE)
+        velocity_type = TwistStamped if self._stamped else Twist
+        self.create_subscription(velocity_type, "cmd_vel", self._on_command, RELIABLE)
         self._odometry = self.create_publisher(Odometry, "odom", SENSOR)
         self._scan = self.create_publisher(LaserScan, "scan", SENSOR)
         self._grids = []
         for topic, file in grids.items():
             self._grids.append(self.create_publisher(OccupancyGrid, topic, LATCHED))
             self._grids[-1].publish(_grid(nav2.read(file), self._stamp()))
-        self._begun, self._ticks = time.monotonic(), 0
+        self._began_at, self._periods = time.monotonic(), 0
         self.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _stamp(self) -> Any:
@@ -59,24 +59,25 @@ class SimulatedRobotNode(Node):
         self.robot.command(messages.twist_of(message.twist if self._stamped else message))
 
     def _tick(self) -> None:
-        """Catch up with the wall's clock, and publish the measurements."""
-        due = int((time.monotonic() - self._begun) / PERIOD)
-        if due > self._ticks + BEHIND:
-            self._begun += (due - self._ticks - BEHIND) * PERIOD
-            due = self._ticks + BEHIND
-        if due <= self._ticks:
+        """Simulate up to the present of the steady clock, and publish the measurements."""
+        last, due = self._periods, int((time.monotonic() - self._began_at) / PERIOD)
+        skipped = due - last - MAX_PERIODS_BEHIND
+        if skipped > 0:
+            self._began_at += skipped * PERIOD
+            due -= skipped
+        if due <= last:
             return
-        self.robot.run(PERIOD * (due - self._ticks))
+        self.robot.run(PERIOD * (due - last))
+        self._periods = due
         if self.robot.fallen:
             self.get_logger().error("the robot has fallen", once=True)
         if self.robot.failed:
             self.get_logger().error(
                 "its controller returned no action: the last is kept", once=True
             )
-        before, self._ticks = self._ticks, due
         stamp = self._stamp()
         self._odometry.publish(_odometry(self.robot, stamp))
-        if before // SCAN_EVERY < due // SCAN_EVERY:
+        if last // PERIODS_PER_SCAN < due // PERIODS_PER_SCAN:
             self._scan.publish(_scan(self.robot, stamp))
 
 
@@ -93,7 +94,7 @@ def _scan(robot: SimulatedRobot, stamp: Any) -> LaserScan:
         angle_min=-math.pi,
         angle_max=math.pi - math.tau / BEAMS,
         angle_increment=math.tau / BEAMS,
-        scan_time=PERIOD * SCAN_EVERY,
+        scan_time=PERIOD * PERIODS_PER_SCAN,
         range_min=NEAREST_BEAM,
         range_max=FARTHEST_BEAM,
         ranges=robot.scan().astype(np.float32).tolist(),
@@ -113,5 +114,5 @@ def _grid(raster: nav2.Raster, stamp: Any) -> OccupancyGrid:
 
 
 def spin(*args: Any) -> None:
-    """Simulate until it is interrupted; arguments as `SimulatedRobotNode` takes them."""
+    """Simulate until a signal ends it; the arguments are those of `SimulatedRobotNode`."""
     running.run(lambda: SimulatedRobotNode(*args), sys.argv)

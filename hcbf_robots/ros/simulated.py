@@ -1,7 +1,7 @@
 """A simulated robot on a real one's topics: a walker in MuJoCo, odometry and a ray-cast scan.
 
-It hears cmd_vel and publishes odom, scan and, with --map, the map and masks. Arguments behind
---ros-args are ROS's own.
+It subscribes to cmd_vel and publishes odom, scan and, with --map, the map and masks. Arguments
+behind --ros-args are ROS's own.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from hcbf_robots.ros.command import require_rclpy
 
 @dataclass(frozen=True)
 class Args:
-    """What is simulated."""
+    """Options of the command."""
 
     robot: str = "cart"
     """A contract's path, or a name: cart, holonomic-cart."""
     map: str = ""
     """A map server's YAML: seen by the scan and published on `map` [default: an empty floor]."""
     masks: tuple[str, ...] = ()
-    """More of them, published on topics with the names of their files."""
+    """Such files of masks, published on topics with the names of the files."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x, y [m] and yaw [rad]."""
     path: Folder | None = None

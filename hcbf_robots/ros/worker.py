@@ -1,18 +1,18 @@
-"""A thread beside the commands' path, which prepares the newest message of each source."""
+"""A thread for work that would delay commands, such as making barriers of a source's message."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 Job = Callable[[], None]
 THREADS = "prepares"
-"""How the names of these threads begin."""
+"""The names of these threads begin with it."""
 
 
 class Worker:
-    """Runs jobs one after another; of those of one name that wait, the newest alone.
+    """Runs jobs one after another in a thread; a newer job replaces a waiting one of its name.
 
     Args:
-        failed: called in this thread with the name of a job and its exception.
+        failed: called in that thread with the name of a job and the exception that it raised.
     """
 
     def __init__(self, failed: Callable[[str, Exception], None]) -> None:
@@ -21,12 +21,12 @@ class Worker:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=THREADS)
 
     def put(self, name: str, job: Job) -> None:
-        """Let a job be done soon."""
+        """Run a job soon, in the place of a waiting one of its name."""
         self._jobs[name] = job
         self._thread.submit(self._run, name)
 
     def close(self) -> None:
-        """Finish the present job, and no other."""
+        """Finish the running job, drop the waiting ones, and end the thread."""
         self._jobs.clear()
         self._thread.shutdown(cancel_futures=True)
 
@@ -35,5 +35,5 @@ class Worker:
         try:
             if job is not None:
                 job()
-        except Exception as error:  # of any kind: a future would hide it
+        except Exception as error:  # of every class, because a future would hide it
             self._failed(name, error)

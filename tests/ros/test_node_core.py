@@ -206,7 +206,7 @@ def test_a_pose_topic_places_the_odometry_until_a_faulty_pose():
     d.run(0.1)
     assert "pose: got" in d.last.message
     assert not d.velocity.any()
-    d.core.localization.hear_pose(d.core.place, d.now.ros - 1e-3, d.now, "map")
+    d.core.localization.hear_pose(d.core.pose, d.now.ros - 1e-3, d.now, "map")
     d.run(0.5)
     assert d.velocity[0] > 0.1
 

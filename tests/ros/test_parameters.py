@@ -103,7 +103,7 @@ def table_of(of):
     """Return the table of a page."""
     lines = ["| parameter | default | |", "|---|---|---|"]
     before = "<source>." if of is SourceSettings else ""
-    for one in parameter.table(of):
+    for one in parameter.parameters_of(of):
         default = f"`{json.dumps(one.default)}`"
         if one.name == "enable_stamped_cmd_vel":
             default = "of the distribution"
