@@ -41,10 +41,7 @@ _ROW_WORDS = ROW.itemsize // _WORD_BYTES
 
 
 class SceneArrays(NamedTuple):
-    """The arrays that the compiled filter reads; None before the first step.
-
-    They are arrays of a `BarrierSet`, and the rows that Python makes.
-    """
+    """The arrays of a `BarrierSet` that the compiled filter reads; None before the first step."""
 
     kind: Any = None
     parameters: Any = None
@@ -52,7 +49,7 @@ class SceneArrays(NamedTuple):
     own_margin: Any = None
     atlas: Any = None
     ends: Any = None
-    python_rows: Any = None  # (N, m, WIDTH + n_u)
+    python_rows: Any = None  # (N, m, WIDTH + n_u) the rows that Python makes
 
 
 class Bound:
@@ -133,14 +130,9 @@ class Bound:
         self.core.set_report(*self.words)
 
     def filter(self, scenes: BarrierSet, python_rows: Array = NO_ROWS) -> int:
-        """Filter the plants by the compiled program or a solver.
+        """Filter the plants in their scenes, and return the result, such as `solvers.DONE`.
 
-        Args:
-            scenes: the scenes of the plants.
-            python_rows: (N, m, WIDTH + n_u) the rows that Python makes.
-
-        Returns:
-            The result of the step, such as `solvers.DONE`.
+        `python_rows` (N, m, WIDTH + n_u) are the rows that Python makes.
         """
         bound = self._arrays
         if not (
@@ -191,12 +183,7 @@ class Bound:
 
 
 def _places_of_changing_fields(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice]]:
-    """Return the fields that change at every step, and their places in one plant's report.
-
-    Args:
-        dtype: the type of the plant's report.
-        m: the number of rows that the user gets.
-    """
+    """Return the fields that change at every step, and their places in a report with m rows."""
     n_u = dtype["u_safe"].shape[0]
     u_nominal = len(_SCALAR_FIELDS)
     u_safe = u_nominal + n_u

@@ -15,6 +15,7 @@ from hcbf_gym.errors import UNREADABLE, SafetyWarning, shown, warn_caller
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.samples import Samples, real_array
 from hcbf_gym.filter.scenes import Scenes
+from hcbf_gym.models import clocks
 from hcbf_gym.models.constants import FARTHEST, LONGEST
 from hcbf_gym.models.plant import Estimate
 
@@ -35,7 +36,7 @@ class CauseFinder:
         Args:
             reason: why the plants brake, or raise an alarm.
             plants: (N,) the plants that have this reason.
-            estimate: the latest estimate of all plants, which the samples have taken.
+            estimate: the latest estimate, which the samples have taken.
 
         Returns:
             The cause; "" if no more is known than the reason.
@@ -76,8 +77,8 @@ class CauseFinder:
         return ""
 
     def _age_fault(self, i: int, estimate: Estimate) -> str:
-        wrong_age = self._samples.wrong_age
-        return "" if wrong_age is None else wrong_age.text
+        wrong = self._samples.wrong_age
+        return f"{wrong.source}: {clocks.refusal(wrong.age, wrong.oldest)}" if wrong else ""
 
     def _clock_fault(self, i: int, estimate: Estimate) -> str:
         """Return why the time of plant i's state does not advance."""
@@ -143,9 +144,9 @@ def _distance_fault(name: str, numbers: Array) -> str:
 
 
 def _covariance_fault(name: str, matrix: Array) -> str:
-    if _core.is_covariance(matrix):
-        return ""
-    return f"{name}: got {shown(matrix.tolist())}, expected a symmetric one, none below 0"
+    expected = "expected a symmetric one, none below 0"
+    is_valid = _core.is_covariance(matrix)
+    return "" if is_valid else f"{name}: got {shown(matrix.tolist())}, {expected}"
 
 
 def _elapsed_fault(name: str, elapsed: Array) -> str:
@@ -170,14 +171,7 @@ def _jet_fault(barrier: Barrier, x: Array, t: float) -> str:
 
 
 def warn_of_reason(reason: Reason, cause: str, plant_count: int, brakes_on_alarm: bool) -> None:
-    """Warn that a filter brakes, or that an alarm is raised.
-
-    Args:
-        reason: why.
-        cause: what exactly is wrong; "" if no more is known than the reason.
-        plant_count: how many plants have the reason.
-        brakes_on_alarm: whether an alarm makes the filter brake.
-    """
+    """Warn why a filter brakes or has raised an alarm, with the cause, or "" if it is not known."""
     if reason == Reason.UNVERIFIED:
         reaction = "satisfies the rows of all strict conditions"
     elif reason < FIRST_ALARM or brakes_on_alarm:

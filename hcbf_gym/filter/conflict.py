@@ -41,11 +41,7 @@ def conflict_of(bound: Bound, i: int, input_set: InputSet | None) -> ConflictRep
 
 
 def _sides(corners: Array) -> tuple[Array, Array]:
-    """Return A (V, 2) and b (V,) of ``U = {u : A u ≥ b}`` with corners in counter-clockwise order.
-
-    Args:
-        corners: (V, 2) [m/s²].
-    """
+    """Return A (V, 2) and b (V,) of ``U = {u : A u ≥ b}`` with counter-clockwise corners (V, 2)."""
     side = np.roll(corners, -1, axis=0) - corners
     inward = np.column_stack((-side[:, 1], side[:, 0]))
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)

@@ -164,9 +164,8 @@ class FilterCore:
         u, report = self.step(u_nominal, barriers, estimate, since, counts=False)
         self._rows.restore(snapshot)
         self.samples.steps[:] = steps
-        # all other statuses compare u with u*, and no input has been chosen yet
-        of_state = report["status"] >= FilterStatus.UNSAFE
-        report["status"] = report["status"] * of_state
+        # all lower statuses compare u with u*, and no input has been chosen yet
+        report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
         for key in ("slack", "delta", "intervention", "fallbacks"):
             report[key] = np.zeros_like(report[key])[()]
@@ -269,13 +268,7 @@ class FilterCore:
                 warn_of_reason(reason, cause, count, self.config.brakes_on_alarm)
 
     def _own_braking_input(self, i: int) -> Array:
-        """Return the input of U nearest to the one of the user's own brake.
-
-        If the user's input is invalid, it is the one nearest to 0.
-
-        Args:
-            i: the plant that brakes.
-        """
+        """Return the input of U nearest to plant i's own brake, or to 0 if that is invalid."""
         n_u = self.input_set.n_u
         brake: Any = self.plant.brake
         if callable(brake):

@@ -44,10 +44,7 @@ class Guide:
         self.has_row = self.guides and bool(config.constants["guided"][0])
 
     def _make_guidance(self) -> tuple[Geodesic | Local | None, int]:
-        """Return the guidance of the settings, and the highest rank that is relaxed for it (or 0).
-
-        The guidance is None if none is requested.
-        """
+        """Return the guidance or None, and the highest rank that is relaxed for it or 0."""
         config = self._config
         requested = config.settings.guidance
         if requested is None:
@@ -57,9 +54,8 @@ class Guide:
                 f"guidance: got {requested!r} with {type(config.plant.model).__name__}, expected "
                 "None: only the planar double integrator is guided"
             )
-        options: dict[str, Any] = {"kind": requested}
-        if isinstance(requested, Mapping):
-            options = dict(requested)
+        is_mapping = isinstance(requested, Mapping)
+        options: dict[str, Any] = dict(requested) if is_mapping else {"kind": requested}
         check_options("guidance", options, ("kind", "through"))
         through = int(options.get("through", 0))
         kind = options.get("kind", "geodesic")
@@ -94,14 +90,7 @@ class Guide:
         self._update_lost()
 
     def why_lost(self, plants: Iterable[int]) -> str:
-        """Return why no path leads to the goal of a plant.
-
-        Args:
-            plants: indices, of which the first without a path counts.
-
-        Returns:
-            The reason; "" if paths lead to the goals of all these plants.
-        """
+        """Return why no path leads to the goal of the first lost plant among indices, or ""."""
         reasons = self._guidance.lost if isinstance(self._guidance, Geodesic) else {}
         reason = next((reasons[i] for i in plants if i in reasons), "")
         origin = self._samples.origin

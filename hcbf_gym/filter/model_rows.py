@@ -4,6 +4,7 @@ A compiled step compares each sample with the model's prediction, raises alarms,
 inputs, and makes rows from f, g and the jets of barriers. Python evaluates users' own barriers.
 """
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -83,12 +84,7 @@ class ModelRows:
         )
 
     def check(self, barriers: object, given: BarrierSet) -> None:
-        """Refuse barriers that have no rows of this model.
-
-        Args:
-            barriers: as the plants' reader returns them.
-            given: the set that was read from them.
-        """
+        """Refuse barriers, and the set that was read from them, if this model has no such rows."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
                 f"plant: got the scenes of an environment with {self._config.plant.model}, "
@@ -145,27 +141,22 @@ class ModelRows:
         # regions are written as of time 0, other than the objects that were returned or set
         is_region = scenes.is_region
         prepared.scenes.parameters[is_region] = scenes.parameters[is_region]
-        reaches = [reach for of_scene in prepared.reaches for reach in of_scene]
+        reaches = list(chain.from_iterable(prepared.reaches))
         period = self._config.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self._config.alpha1)
         self._prepared, self._is_bound = prepared, False
         distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
-        return ReachedBarriers([barrier for scene in distinct for barrier in scene], reaches)
+        return ReachedBarriers(list(chain.from_iterable(distinct)), reaches)
 
     def evaluate_previous(self, scenes: BarrierSet) -> bool:
-        """Return False: previous scenes are not evaluated for other models (see `PlanarRows`)."""
+        """Return False: only `PlanarRows` evaluates the scenes until now."""
         return False
 
     def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
-        """Return the rows at the present samples, after a check of states and of motion.
+        """Return the rows (N, m, WIDTH + n_u) of accepted scenes at the present samples and u*.
 
-        Args:
-            scenes: the scenes that `accept` has prepared.
-            u_nominal: (n_u,) or (N, n_u) u*.
-
-        Returns:
-            (N, m, WIDTH + n_u); the rows of the step before if u* is not finite.
+        States and motion are checked first. No rows are made if u* (N, n_u) is not finite.
         """
         self._kinks.u = u_nominal
         prepared, core = self._prepared, self._bound.core
@@ -191,9 +182,8 @@ class ModelRows:
         """Write the rows of scenes in which Python evaluates the barriers of `entries`."""
         states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
         uncertain = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
-        # margins follow from slopes only if there is an error that a slope scales
-        needs_slopes = self._samples.is_uncertain or reserve.is_steep
-        sloping = entries if needs_slopes else []
+        # only margins for an error of the position depend on slopes
+        sloping = entries if self._samples.is_uncertain or reserve.is_steep else []
         m = self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
             self._step.reserve(*slopes_of(sloping, uncertain, reserve.settings, m))
@@ -208,9 +198,8 @@ class ModelRows:
             no_velocity = "it has no velocity in x[2:4] that a speed limit reads"
             meaningless = {"speed": no_velocity, "speed_per_velocity": no_velocity}
         if declared.per_velocity > 0.0 and not has_drift(model):
-            meaningless["per_velocity"] = (
-                "its velocity is the input, so that no body lags behind it"
-            )
+            reason = "its velocity is the input, so that no body lags behind it"
+            meaningless["per_velocity"] = reason
         for name, reason in meaningless.items():
             value = getattr(declared, name)
             if value > 0.0:
@@ -227,10 +216,7 @@ def has_drift(model: ReducedOrderModel) -> bool:
 
 
 def driven_by_inputs_alone(model: ReducedOrderModel) -> Mask:
-    """Return (n,) which entries of x inputs drive directly, with no drift in them or by them.
-
-    An entry is in a drift if f changes it, and causes one if f depends on it, at sampled states.
-    """
+    """Return (n,) which entries of x inputs drive directly, and f neither moves nor depends on."""
     states, _ = samples(model)
     is_driven = np.zeros(model.n, dtype=np.bool_)
     has_part_in_drift = np.zeros(model.n, dtype=np.bool_)

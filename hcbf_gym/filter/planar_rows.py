@@ -55,10 +55,7 @@ class PlanarRows:
         self._samples.restore(snapshot)
 
     def accept(self, scenes: BarrierSet) -> ReachedBarriers:
-        """Return users' own barriers in changed scenes, and how inputs reach them.
-
-        There are none if they are the same objects as before.
-        """
+        """Return users' own barriers in changed scenes; none if they are the same objects."""
         barriers = tuple(scenes.own.values())
         if are_same(barriers, self._accepted):
             return ReachedBarriers((), ())
@@ -93,12 +90,7 @@ class PlanarRows:
         return True
 
     def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
-        """Return the rows (N, m, WIDTH + 2), in which those of users' own barriers are written.
-
-        Args:
-            scenes: the scenes of the plants.
-            u_nominal: (2,) or (N, 2) u* [m/s²]; no row is written if it is not finite.
-        """
+        """Return rows (N, m, WIDTH + 2), written for users' own barriers if u* (N, 2) is finite."""
         self._kinks.u = u_nominal
         if np.isfinite(u_nominal).all():
             self._bound.core.check_states()
@@ -111,9 +103,8 @@ class PlanarRows:
         settings, reserve = config.row_settings, config.reserve
         entries = [Entry(i, k, barrier) for (i, k), barrier in scenes.own.items()]
         states = UncertainStates(*(plants[name].copy() for name in UncertainStates._fields))
-        # margins follow from slopes only if there is an error that a slope scales
-        needs_slopes = self._samples.is_uncertain or reserve.is_steep
-        sloping = entries if needs_slopes else []
+        # only margins for an error of the position depend on slopes
+        sloping = entries if self._samples.is_uncertain or reserve.is_steep else []
         reserve.write(scenes, sloping, states, plants["growth"].copy(), rows)
         look_ahead = 0.0 if config.plant.axle is None else config.plant.axle.look_ahead
         for i, k, barrier in entries:

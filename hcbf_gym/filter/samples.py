@@ -51,17 +51,12 @@ class WrongAge(NamedTuple):
     age: float  # the present minus its stamp [s]; negative if the stamp is ahead of the clock
     oldest: float  # the greatest age that is accepted [s]
 
-    @property
-    def text(self) -> str:
-        """Which age is wrong, and by how much."""
-        return f"{self.source}: {clocks.refusal(self.age, self.oldest)}"
-
 
 class Samples:
     """The records of N plants, and their states.
 
-    States of planar double integrators are in the records. States of other models have another
-    size. They are `apart`, in arrays of their own.
+    States of planar double integrators are in the records. States of other models, which have
+    another size, are `apart`: in arrays of their own.
 
     Attributes:
         plants: (N,) the records, of the type `plants.plant_dtype`.
@@ -69,8 +64,7 @@ class Samples:
         states: the states, views of `plants` or the arrays of their own.
         input: (N, n_u) the inputs that were applied last, a view of `plants`.
         time: (N,) the times of the states [s], a view of `plants`.
-        steps: (N,) the number of steps since the reset. The time of an estimate without one is this
-            number times the period.
+        steps: (N,) the steps since the reset, which count the time of an estimate without one.
         is_uncertain: whether the latest sample has a model's state, a lag or a covariance.
         wrong_age: the latest age that was not accepted; None if its stamp is not finite.
         origin: the place from which positions count.
@@ -220,11 +214,7 @@ class Samples:
         return True
 
     def _take_uncertain(self, estimate: Estimate) -> bool:
-        """Copy the model's state, the lag and the covariance, 0 where there is none.
-
-        Returns:
-            Whether all that are given consist of real numbers.
-        """
+        """Copy the model's state, the lag and the covariance; return whether they are numbers."""
         self._has_model[:] = estimate.model is not None
         is_valid = True
         values = estimate.model, estimate.lag, estimate.covariance

@@ -57,11 +57,7 @@ class ScanAges:
         self._first_times = self._first_times if self.has_scans else {}
 
     def update(self) -> WrongAge | None:
-        """Write the margins of scans at their present ages.
-
-        Returns:
-            An age that is not accepted; None if all are.
-        """
+        """Write the margins of scans at their ages; return an age that is not accepted, or None."""
         first_times, self._first_times = self._first_times, {}
         wrong_age = None
         for plant, condition, region in self._scans:

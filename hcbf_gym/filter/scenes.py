@@ -53,7 +53,7 @@ class Scenes:
         is_refused: whether the latest barriers are unreadable, or cannot be satisfied.
         refusal: why the latest barriers, which are readable, are refused; None otherwise.
         error: the latest error of unreadable or refused barriers.
-        moving_region: the name of a region whose motion is not declared.
+        moving_region: the name of a region with undeclared motion.
         checks_moves: whether the records may state that a region moves undeclared.
     """
 
@@ -142,9 +142,8 @@ class Scenes:
         fastest = self.plant.fastest or np.inf
         self.check_limits(scenes)
         coverage = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        for shortcoming in braking.shortcomings(
-            scenes, config.alpha1, config.input_set, uncertainty.speed, fastest
-        ):
+        limits = config.alpha1, config.input_set, uncertainty.speed, fastest
+        for shortcoming in braking.shortcomings(scenes, *limits):
             if not shortcoming.promised:
                 coverage[shortcoming.scenes] = Coverage.OUTSIDE
             self._warn_once(shortcoming.what, shortcoming.text, CoverageWarning)
@@ -176,12 +175,7 @@ class Scenes:
         return given
 
     def _replace(self, given: BarrierSet, since: float | None) -> None:
-        """Replace the scenes by a set that may differ from the previous one.
-
-        Args:
-            given: the set as it was read.
-            since: as in `take`.
-        """
+        """Replace the scenes by a set that may differ from the previous one; see `take`."""
         previous, is_same_set = self.current, given is self._given
         changed = given.version != self._version if is_same_set else self._differs(given)
         scenes = self.placing.place(given, self._finite_times(), since)
@@ -204,20 +198,13 @@ class Scenes:
     def _compare(
         self, previous: BarrierSet, scenes: BarrierSet, changed: Mask, has_previous: bool
     ) -> None:
-        """Compare changed scenes with the previous ones: in margins, and in declared motion.
-
-        Args:
-            previous: the scenes until now.
-            scenes: the scenes from now on.
-            changed: (N,) the plants whose scenes have changed.
-            has_previous: whether rows of the previous scenes can be evaluated.
-        """
+        """Compare scenes, which have changed at N plants, in margins and in declared motion."""
         samples = self._samples
         is_compared = has_previous and self._rows.evaluate_previous(previous)
         change = samples.plants["change"]
         change[changed] = np.maximum(change[changed], COMPARED if is_compared else CHANGED)
-        is_finite = np.isfinite(samples.x).all(axis=1)
-        is_comparable = samples.is_sound & is_finite & (not samples.is_rebased)
+        is_comparable = samples.is_sound & np.isfinite(samples.x).all(axis=1)
+        is_comparable &= not samples.is_rebased
         if self._continued is None:
             is_comparable &= ~samples.fresh
         else:
@@ -279,9 +266,7 @@ class Scenes:
         if not missed:
             return
         is_allowed = self._config.settings.allow_late_inputs
-        text = "; ".join([*missed, REMEDY])
-        if is_allowed:
-            text = f"{'; '.join(missed)}: allowed"
+        text = "; ".join(missed) + (": allowed" if is_allowed else f"; {REMEDY}")
         if is_allowed or not self._samples.fresh.all():
             self._warn_once("late", text)
         if not is_allowed:

@@ -55,9 +55,8 @@ def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | N
     """
     has_row = rows.priority > 0
     psi = None if rows.alpha2_psi is None else rows.alpha2_psi[has_row]
-    present = CbfRows(
-        rows.a[has_row], rows.b[has_row], rows.h[has_row], rows.priority[has_row], psi
-    )
+    a, b, h, priority = (array[has_row] for array in rows[:4])
+    present = CbfRows(a, b, h, priority, psi)
     try:
         result = program(u_nominal, without_gaps(present))
     except (SolverError, ArithmeticError, np.linalg.LinAlgError):
