@@ -1,8 +1,5 @@
 """Finds in words why a filter brakes: which of its inputs is wrong, and where."""
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 
 from hcbf_gym import _core
@@ -31,15 +28,10 @@ class CauseFinder:
         self._plant, self._count = scenes.plant, len(samples.plants)
 
     def find(self, reason: Reason, plants: Mask, estimate: Estimate) -> str:
-        """Return in words what is wrong with the first plant that has a reason to brake.
+        """Return in words why the first of the masked plants (N,) has a reason to brake.
 
-        Args:
-            reason: why the plants brake, or raise an alarm.
-            plants: (N,) the plants that have this reason.
-            estimate: the latest estimate, which the samples have taken.
-
-        Returns:
-            The cause; "" if no more is known than the reason.
+        `estimate` is the latest one, which the samples have taken. The cause is "" if no more is
+        known than the reason.
         """
         find_cause = {
             Reason.STATE: self._state_fault,
@@ -56,15 +48,15 @@ class CauseFinder:
         """Return which value in the estimate of plant i is invalid; "" if all seem valid."""
         n = self._plant.model.n
         required = ("x",) if self._plant.axle is None else ("x", "heading")
-        fields = (
-            _Field("x", (n,), _distance_fault),
-            _Field("model", (n,), _distance_fault),
-            _Field("lag", (n,), _distance_fault),
-            _Field("covariance", (n, n), _covariance_fault),
-            _Field("heading", (), _distance_fault),
-            _Field("elapsed", (), _elapsed_fault),
-        )
-        for name, shape, find_fault in fields:
+        checks = {  # of each field of an estimate: its shape, and why its numbers are invalid
+            "x": ((n,), _distance_fault),
+            "model": ((n,), _distance_fault),
+            "lag": ((n,), _distance_fault),
+            "covariance": ((n, n), _covariance_fault),
+            "heading": ((), _distance_fault),
+            "elapsed": ((), _elapsed_fault),
+        }
+        for name, (shape, find_fault) in checks.items():
             value = getattr(estimate, name)
             if value is None and name not in required:
                 continue
@@ -125,14 +117,6 @@ class CauseFinder:
         if batch is not None:
             return batch[i]
         return real_array(value, shape) if self._count == 1 else None
-
-
-class _Field(NamedTuple):
-    """How a field of an `Estimate` is checked."""
-
-    name: str
-    shape: tuple[int, ...]  # for one plant
-    find_fault: Callable[[str, Array], str]  # name, numbers → why they are invalid, or ""
 
 
 def _distance_fault(name: str, numbers: Array) -> str:

@@ -143,12 +143,7 @@ def _comparable(settings: FilterSettings, plant: Plant) -> dict[str, object]:
 
 
 def differences_of(plant: Plant, env: Any) -> list[str]:
-    """Return how a filter's plant differs from its environment's own, a phrase for each field.
-
-    Args:
-        plant: the filter's plant.
-        env: the unwrapped environment.
-    """
+    """Return in phrases how a filter's plant differs from that of its unwrapped environment."""
     phrases = []
     if certificates.is_of_package(plant.declared) and not certificates.is_of_package(type(env)):
         phrases.append("another environment than the package's")
@@ -156,8 +151,9 @@ def differences_of(plant: Plant, env: Any) -> list[str]:
     if not isinstance(own, Plant):
         return phrases
     for name in (field.name for field in fields(plant)):
-        is_same = certificates.same(getattr(plant, name), getattr(own, name))
-        if name not in _CHANGEABLE_FIELDS and not is_same:
+        if name in _CHANGEABLE_FIELDS:
+            continue
+        if not certificates.same(getattr(plant, name), getattr(own, name)):
             phrases.append(f"another {name.replace('_', ' ')} than the environment's")
     reserved = zip(plant.uncertainty, own.uncertainty, strict=True)
     if any(mine < required for mine, required in reserved):

@@ -39,9 +39,6 @@ from hcbf_gym.models.reduced_order import DoubleIntegrator
 MAX_UNWARNED_CLEARANCE = 0.15
 """The distance from walls, besides its margin, at which a cart may stay without a warning [m]."""
 
-ACTION_ROUNDING = 1e-6
-"""The relative error of an action space's limits, which have 32 bits."""
-
 
 class FilterConfig:
     """The configuration of a filter of N plants, which does not change after construction.
@@ -148,12 +145,11 @@ class FilterConfig:
         if axle is None:
             return
         if self.plant.input_set is not None:
-            name, required = "the braking", axle.braking
-            available = self.input_set.radius
+            name, required, available = "the braking", axle.braking, self.input_set.radius
         else:
             name = "the largest input, along and across the heading,"
             required, available = axle.hardest_of_point, braking.weakest(self.input_set)
-        if required > available * (1.0 + ACTION_ROUNDING):
+        if required > available * (1.0 + 1e-6):  # limits of an action space have 32 bits
             raise InvalidInputError(
                 f"axle: got {name} of {required:.4g} m/s² with {self.input_set}, which holds "
                 f"{available:.4g} m/s², expected an Axle(braking=…) within U, or a larger U"
@@ -172,10 +168,10 @@ class FilterConfig:
             batch = programs.make_batch(settings.program, input_set=input_set, **options)
             constants = batch.settings_of(self.count)
             if plant.axle is not None and constants["by_level"]:
-                # regions that move get a strict rank of their own, after that of the axle's rows
+                # rows of regions that move have a strict rank of their own
                 constants["weights"] = np.insert(constants["weights"], 1, np.inf, axis=1)
         else:  # the compiled program is not called
-            constants: dict[str, Any] = {"ranks": True, "radius": input_set.radius}
+            constants = {"ranks": True, "radius": input_set.radius}
             constants |= {"vertices": np.zeros((1, 1, 2)), "weights": np.zeros((1, 1))}
         uncertainty = self.uncertainty
         is_its_model = uncertainty.cap <= 0.0
@@ -206,14 +202,9 @@ class FilterConfig:
                 "expected a shorter period, or a lower turn or forward speed",
                 CoverageWarning,
             )
-        return {
-            "drives": True,
-            "axle": axle,
-            "jerk": axle.jerk(period),
-            # the core writes the four corners at every step, because U turns with the heading
-            "vertices": np.zeros((1, 4, 2)),
-            "axle_rows": settings.packed,
-        }
+        corners = np.zeros((1, 4, 2))  # U turns with the heading, and is written at every step
+        numbers = {"drives": True, "axle": axle, "jerk": axle.jerk(period), "vertices": corners}
+        return numbers | {"axle_rows": settings.packed}
 
     @property
     def constants(self) -> Records:
@@ -222,10 +213,9 @@ class FilterConfig:
 
     def applied_as(self, dtype: DTypeLike) -> None:
         """Set the type of the environment's actions; strict rows reserve the error of rounding."""
-        self.dtype, rounding = np.dtype(dtype), 0.0
-        if self.dtype == np.float32:
-            rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
-        self.constants["rounding"] = rounding
+        self.dtype = np.dtype(dtype)
+        relative_error = 0.5 * np.finfo(np.float32).eps if self.dtype == np.float32 else 0.0
+        self.constants["rounding"] = relative_error * self.input_set.radius
 
     @cached_property
     def gain(self) -> float:
@@ -251,9 +241,9 @@ class FilterConfig:
             )
         if self.plant.braking is not None:
             deceleration = min(deceleration, self.plant.braking)
-        period = self.plant.period if self.settings.rows == "held" else None
         alphas = self.alpha1, self.alpha2, self.alpha_speed
         steepest = max(alpha.derivative(0.0) for alpha in alphas)
+        period = self.plant.period if self.settings.rows == "held" else None
         held = period is not None and steepest * period <= 1.0  # if not, it is refused later
         factor = braking.share(self._row_settings(held), deceleration)
         if factor < 1.0:

@@ -221,8 +221,7 @@ class FilterCore:
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return which `conditions` of plant i no input of U met together at the last step.
 
-        Returns:
-            The conflict; None if one input met all of them, or the plant's state was not accepted.
+        None if one input met all of them, or the plant's state was not accepted.
         """
         if not 0 <= i < self.count:
             raise InvalidInputError(f"i: got {i}, expected a plant from 0 to {self.count - 1}")
@@ -257,9 +256,9 @@ class FilterCore:
         reasons = reports["reason"]
         for code in sorted(set(reasons.tolist()) - self._warned):
             warning = code
-            wrong_age = self.samples.wrong_age
             if code == Reason.AGE:  # one warning of each source that is too old, or ahead
-                warning = (code, wrong_age and (wrong_age.source, wrong_age.age < 0.0))
+                age = self.samples.wrong_age
+                warning = (code, age and (age.source, age.age < 0.0))
             if warning not in self._warned:
                 self._warned.add(warning)
                 reason, plants = Reason(code), reasons == code

@@ -105,12 +105,7 @@ def read(strict: object) -> Gate | None:
 
 
 def check_plant(plant: Plant, settings: FilterSettings) -> None:
-    """Refuse plants and settings for which no manoeuvre is verified.
-
-    Raises:
-        InvalidInputError: if the model is another than the planar double integrator, the plant is
-            a differential drive or has no period, or a solver by name is requested.
-    """
+    """Refuse plants and settings for which no manoeuvre is verified."""
     wrong = ""
     if plant.model != DoubleIntegrator():
         wrong = f"{type(plant.model).__name__}, expected the planar DoubleIntegrator()"
@@ -125,11 +120,7 @@ def check_plant(plant: Plant, settings: FilterSettings) -> None:
 
 
 def check_scene(scene: BarrierSet) -> None:
-    """Refuse conditions against which no manoeuvre is verified.
-
-    Raises:
-        InvalidInputError: if a strict condition is a user's own, or a condition is of a map.
-    """
+    """Refuse conditions against which no manoeuvre is verified."""
     is_own_strict = (scene.kind == layout.CUSTOM) & (scene.priority == 1)
     is_mapped = np.isin(scene.kind, (layout.MAPPED, layout.ZONES))
     refused = {"a strict condition of your own": is_own_strict, "a class of a map": is_mapped}
@@ -145,12 +136,9 @@ def check_scene(scene: BarrierSet) -> None:
 
 
 def constants(gate: Gate | None, plant: Plant, margin: float | None) -> dict[str, object]:
-    """Return the constants of a gatekeeper, by their names in `plants.CONSTANTS`.
+    """Return the constants of a gatekeeper by their names in `plants.CONSTANTS`; none for rows.
 
-    Args:
-        gate: the gatekeeper; None for rows, which have no such constants.
-        plant: the plant with its declared uncertainty and its `max_age`.
-        margin: the margin [m] that a user gave by hand, which bounds no error; None for none.
+    The errors of states are those that the plant declares. A `margin` by hand [m] bounds no error.
     """
     if gate is None:
         return {}

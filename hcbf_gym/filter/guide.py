@@ -78,8 +78,8 @@ class Guide:
                 guidance.reset(scenes, mask=mask)
             elif guidance is not None:
                 self._world = deepcopy(samples.origin.world(world)) or World(None, None)
-                start = _zero_unless_finite(samples.x[:, :2])
-                time = _zero_unless_finite(samples.time)
+                start = np.nan_to_num(samples.x[:, :2], posinf=0.0, neginf=0.0)
+                time = np.nan_to_num(samples.time, posinf=0.0, neginf=0.0)
                 clearance = self._config.clearance
                 guidance.begin(scenes, *self._world, clearance, start=start, mask=mask, t=time)
         except InvalidInputError as error:
@@ -167,10 +167,6 @@ class Guide:
         leads_axle = distance > guidance.pull.look_ahead
         x[:, :2] -= np.where(leads_axle, self._look_ahead, 0.0) * forward
         return x
-
-
-def _zero_unless_finite(numbers: Array) -> Array:
-    return np.where(np.isfinite(numbers), numbers, 0.0)
 
 
 def _are_equal(now: Any, before: Any) -> bool:

@@ -138,7 +138,7 @@ class ModelRows:
         if all(scene is first for scene in listed):
             listed = [first] * self._config.count
         prepared = self._general_rows.prepare(listed)
-        # regions are written as of time 0, other than the objects that were returned or set
+        # regions are placed as of time 0, unlike the objects that were returned or set
         is_region = scenes.is_region
         prepared.scenes.parameters[is_region] = scenes.parameters[is_region]
         reaches = list(chain.from_iterable(prepared.reaches))
@@ -210,9 +210,8 @@ class ModelRows:
 
 def has_drift(model: ReducedOrderModel) -> bool:
     """Return whether the velocity under one input differs between sampled states."""
-    f, g = model.terms_of(samples(model)[0])
-    f_position, g_position = f[:, : model.n_p], g[:, : model.n_p]
-    return bool(np.ptp(f_position, axis=0).any() or np.ptp(g_position, axis=0).any())
+    terms = model.terms_of(samples(model)[0])
+    return any(np.ptp(term[:, : model.n_p], axis=0).any() for term in terms)
 
 
 def driven_by_inputs_alone(model: ReducedOrderModel) -> Mask:

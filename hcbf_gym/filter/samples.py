@@ -39,7 +39,7 @@ class States(NamedTuple):
 class Snapshot(NamedTuple):
     """A copy of a filter's memory of N plants, by which a step is undone."""
 
-    plants: Records  # (N,) the records
+    plants: Records  # (N,)
     states: list[Array]  # the `States` that are not in the records; empty for planar plants
     model_step: Any = None  # the memory of the compiled step of a `ModelRows`
 
@@ -66,7 +66,7 @@ class Samples:
         time: (N,) the times of the states [s], a view of `plants`.
         steps: (N,) the steps since the reset, which count the time of an estimate without one.
         is_uncertain: whether the latest sample has a model's state, a lag or a covariance.
-        wrong_age: the latest age that was not accepted; None if its stamp is not finite.
+        wrong_age: the latest age that was not accepted; None if it is not finite.
         origin: the place from which positions count.
         is_rebased: whether the latest sample moved the origin.
         fresh: (N,) the plants whose episode begins.
@@ -99,9 +99,8 @@ class Samples:
         self._fault: NDArray[np.int64] = plants["fault"]
         self._has_model: NDArray[np.int64] = plants["has_model"]
         # an estimate is copied into these views, which have no leading axis if N is 1
-        self._x_view = _without_axis_of_one(self.states.x)
-        uncertain = self.states.model, self.states.lag, self.states.covariance
-        self._uncertain_views = [_without_axis_of_one(array) for array in uncertain]
+        x, model, lag, covariance, _ = (_without_axis_of_one(array) for array in self.states)
+        self._x_view, self._uncertain_views = x, (model, lag, covariance)
         self._time_view = _without_axis_of_one(self.time)
         self._heading_view = _without_axis_of_one(plants["heading"])
 

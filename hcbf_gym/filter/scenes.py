@@ -33,9 +33,6 @@ from hcbf_gym.filter.scan_ages import ScanAges
 from hcbf_gym.filter.scene_reader import SceneReader
 from hcbf_gym.models.plant import Coverage, Estimate
 
-_UNKNOWN = -1
-"""The version and the number of edits of barriers that no set has."""
-
 
 class Scenes:
     """The scenes of N plants: of each plant, the barriers that its rows satisfy.
@@ -67,7 +64,7 @@ class Scenes:
         self._config, self._samples, self._rows, self._coverage = config, samples, rows, coverage
         self.plant = config.plant
         self.current = self._given = BarrierSet([()] * config.count)
-        self._version, self._edits = self.current.version.copy(), _UNKNOWN
+        self._version, self._edits = self.current.version.copy(), -1
         self.placing, self._nearness = Placing(config.count), Nearness(config.count)
         self.read, self.scan_ages = SceneReader(config.count), ScanAges(samples, self.plant.period)
         self.is_refused, self._needs_time = False, False
@@ -112,7 +109,7 @@ class Scenes:
                 given = self._read(barriers)
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self.is_refused, self.refusal, self.error = True, None, error
-            self._version, self._edits = np.full(self._config.count, _UNKNOWN), _UNKNOWN
+            self._version, self._edits = np.full(self._config.count, -1), -1  # as no set has them
         else:
             is_same = given is self._given and given.edits == self._edits
             if not is_same or self.placing.is_due:

@@ -71,10 +71,6 @@ def dip_of(plant: Plant, input_set: InputSet) -> float:
 
     a_p is the greatest acceleration of the position while an input is held, at sampled states of
     unit size and for the corners of U. A model that is driven by velocities has them in U.
-
-    Args:
-        plant: a plant with its model and the period T.
-        input_set: U.
     """
     if plant.period is None:
         return LEAST_DIP

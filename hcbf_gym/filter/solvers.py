@@ -16,12 +16,9 @@ warning or a user's own brake is due."""
 
 
 def filter_by_solver(program: Program, core: Any, count: int) -> int:
-    """Filter N plants, one after the other, by a program that calls a solver.
+    """Filter `count` plants, one after the other, by a program that calls a solver.
 
-    Args:
-        program: the program with its solver.
-        core: the `_core.Filter` that poses the problems and writes the report.
-        count: N.
+    `core` is the `_core.Filter` that poses their problems and writes their reports.
 
     Returns:
         The result of the step, such as `DONE`.
@@ -55,17 +52,16 @@ def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | N
     """
     has_row = rows.priority > 0
     psi = None if rows.alpha2_psi is None else rows.alpha2_psi[has_row]
-    a, b, h, priority = (array[has_row] for array in rows[:4])
-    present = CbfRows(a, b, h, priority, psi)
+    a, b, h = rows.a[has_row], rows.b[has_row], rows.h[has_row]
+    present = CbfRows(a, b, h, rows.priority[has_row], psi)
     try:
         result = program(u_nominal, without_gaps(present))
     except (SolverError, ArithmeticError, np.linalg.LinAlgError):
         return None
     if result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all():
         return None
-    # `without_gaps` may have appended a row
-    slack, delta = np.zeros((2, rows.b.size))
-    slack[has_row], delta[has_row] = result.slack[: present.b.size], result.delta[: present.b.size]
+    slack, delta = np.zeros((2, rows.b.size))  # without the row that `without_gaps` may append
+    slack[has_row], delta[has_row] = result.slack[: b.size], result.delta[: b.size]
     return result._replace(slack=slack, delta=delta)
 
 
