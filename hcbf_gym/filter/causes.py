@@ -49,11 +49,11 @@ class CauseFinder:
         n = self._plant.model.n
         required = ("x",) if self._plant.axle is None else ("x", "heading")
         checks = {  # of each field of an estimate: its shape, and why its numbers are invalid
-            "x": ((n,), _distance_fault),
-            "model": ((n,), _distance_fault),
-            "lag": ((n,), _distance_fault),
+            "x": ((n,), _range_fault),
+            "model": ((n,), _range_fault),
+            "lag": ((n,), _range_fault),
             "covariance": ((n, n), _covariance_fault),
-            "heading": ((), _distance_fault),
+            "heading": ((), _range_fault),
             "elapsed": ((), _elapsed_fault),
         }
         for name, (shape, find_fault) in checks.items():
@@ -119,7 +119,7 @@ class CauseFinder:
         return real_array(value, shape) if self._count == 1 else None
 
 
-def _distance_fault(name: str, numbers: Array) -> str:
+def _range_fault(name: str, numbers: Array) -> str:
     """Return which entry is NaN or farther than any place; "" for none."""
     for index in np.argwhere(~(np.abs(numbers) <= FARTHEST)):
         entry = f"{name}{index.tolist() or ''}"

@@ -35,11 +35,8 @@ class FilterCore:
 
     Attributes:
         config: the validated settings, and the constants that follow from them.
-        samples: the latest samples of the plants.
-        scenes: the present barriers of the plants.
-        guide: guides the plants to their goals.
         guides: whether there is guidance, so that plants need a goal.
-        coverage: whether the promise was tested for each plant.
+        samples, scenes, guide, coverage: the parts of the filter, see their classes.
 
     Args:
         plant: the model, readers and limits that all N plants share.

@@ -64,6 +64,7 @@ class Scenes:
         self._config, self._samples, self._rows, self._coverage = config, samples, rows, coverage
         self.plant = config.plant
         self.current = self._given = BarrierSet([()] * config.count)
+        # of `_given` when it was taken, because a set may be edited in place
         self._version, self._edits = self.current.version.copy(), -1
         self.placing, self._nearness = Placing(config.count), Nearness(config.count)
         self.read, self.scan_ages = SceneReader(config.count), ScanAges(samples, self.plant.period)
@@ -135,11 +136,11 @@ class Scenes:
 
         Warns once of each condition that α₁, U or the speed limit cannot satisfy.
         """
-        config, uncertainty = self._config, self.plant.uncertainty
-        fastest = self.plant.fastest or np.inf
+        config, plant = self._config, self.plant
         self.check_limits(scenes)
         coverage = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        limits = config.alpha1, config.input_set, uncertainty.speed, fastest
+        fastest = plant.fastest or np.inf
+        limits = config.alpha1, config.input_set, plant.uncertainty.speed, fastest
         for shortcoming in braking.shortcomings(scenes, *limits):
             if not shortcoming.promised:
                 coverage[shortcoming.scenes] = Coverage.OUTSIDE
@@ -180,7 +181,7 @@ class Scenes:
             return
         if since is not None and scenes.parameters.shape == previous.parameters.shape:
             changed |= (scenes.parameters != previous.parameters).any(axis=(1, 2))
-        self.scan_ages.update()
+        self.scan_ages.update()  # so that previous scans are compared at their present ages
         # an edit in place, or another origin, leaves no previous scenes that could be evaluated
         is_edited = scenes is previous or previous.edits != self._edits
         is_edited |= is_same_set and bool(given.atlas)
@@ -195,7 +196,7 @@ class Scenes:
     def _compare(
         self, previous: BarrierSet, scenes: BarrierSet, changed: Mask, has_previous: bool
     ) -> None:
-        """Compare scenes, which have changed at N plants, in margins and in declared motion."""
+        """Compare changed scenes with the previous ones, in margins and in declared motion."""
         samples = self._samples
         is_compared = has_previous and self._rows.evaluate_previous(previous)
         change = samples.plants["change"]

@@ -71,10 +71,10 @@ class Prices(NamedTuple):
         return cls(*_weights_of_states(gamma0, slope), lambda_u, known_offset)
 
     def check(self, states: int) -> None:
-        """Refuse a batch of `states` states that has not as many as there are weights.
+        """Refuse to solve for N `states`, if the weights are for another number of states.
 
         Raises:
-            InvalidInputError: if the weights are for another number of states.
+            InvalidInputError: if they are.
         """
         if self.states not in (None, states):
             raise InvalidInputError(
@@ -82,7 +82,7 @@ class Prices(NamedTuple):
             )
 
     def complete(self, rows: CbfRows) -> CbfRows:
-        """Return rows without α₂(ψ) with an array for it, which the core does not read.
+        """Return rows that lack α₂(ψ) with b in its place, which the core then does not read.
 
         Raises:
             InvalidInputError: if ε is "known", which requires α₂(ψ).
@@ -104,8 +104,7 @@ def _weights_of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) 
         raise InvalidInputError(f"weights: got {shown(weights[0])} for priority 1, expected None")
     row = [finite_float("delta_gamma", delta_gamma, minimum=0.0)]
     for weight in weights[1:]:
-        is_strict = weight is None
-        row.append(np.inf if is_strict else finite_float("weights", weight, minimum=0.0))
+        row.append(np.inf if weight is None else finite_float("weights", weight, minimum=0.0))
     return np.array([[*row, np.inf]])  # all priorities beyond the end are strict
 
 
