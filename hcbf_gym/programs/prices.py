@@ -102,10 +102,9 @@ def _weights_of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) 
         )
     if weights and weights[0] is not None:
         raise InvalidInputError(f"weights: got {shown(weights[0])} for priority 1, expected None")
-    row = [finite_float("delta_gamma", delta_gamma, minimum=0.0)]
-    for weight in weights[1:]:
-        row.append(np.inf if weight is None else finite_float("weights", weight, minimum=0.0))
-    return np.array([[*row, np.inf]])  # all priorities beyond the end are strict
+    slope = finite_float("delta_gamma", delta_gamma, minimum=0.0)
+    levels = [np.inf if w is None else finite_float("weights", w, minimum=0.0) for w in weights[1:]]
+    return np.array([[slope, *levels, np.inf]])  # all priorities beyond the end are strict
 
 
 def _weights_of_states(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, int | None]:
