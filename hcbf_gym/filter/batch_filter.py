@@ -232,18 +232,20 @@ class BatchFilter:
         self, x: object, time: object = None, elapsed: object = None, missing: object = None
     ) -> Estimate:
         """Return the arguments of a step as an estimate of all plants."""
-        estimate = x if isinstance(x, Estimate) else Estimate(np.zeros(0))
-        states = estimate.x if isinstance(x, Estimate) else x
-        values: dict[str, Any] = {"x": floats("x", _as_numpy("x", states))}
+        given = x if isinstance(x, Estimate) else None
+        states = floats("x", _as_numpy("x", x if given is None else given.x))
+        estimate = Estimate(states) if given is None else given._replace(x=states)
         if time is not None:
-            values["time"] = reals("time", self._for_each_plant("time", time))
+            time = reals("time", self._for_each_plant("time", time))
+            estimate = estimate._replace(time=time)
         if elapsed is not None:
-            values["elapsed"] = reals("elapsed", self._for_each_plant("elapsed", elapsed))
+            elapsed = reals("elapsed", self._for_each_plant("elapsed", elapsed))
+            estimate = estimate._replace(elapsed=elapsed)
         if missing is not None:
             is_missing = self._read_mask("missing", self._for_each_plant("missing", missing))
             age = 0.0 if estimate.age is None else estimate.age
-            values["age"] = np.where(is_missing, math.inf, age)
-        return estimate._replace(**values)
+            estimate = estimate._replace(age=np.where(is_missing, math.inf, age))
+        return estimate
 
     def _read_mask(self, name: str, mask: Numbers) -> Mask:
         """Return (N,) booleans; refuse anything else."""

@@ -134,15 +134,15 @@ class Bound:
 
         `python_rows` (N, m, WIDTH + n_u) are the rows that Python makes.
         """
-        bound = self._arrays
+        kind, parameters, priority, own_margin, atlas, ends, bound_rows = self._arrays
         if not (
-            bound.kind is scenes.kind
-            and bound.parameters is scenes.parameters
-            and bound.priority is scenes.priority
-            and bound.own_margin is scenes.own_margin
-            and bound.atlas is scenes.atlas.numbers
-            and bound.ends is scenes.ends
-            and bound.python_rows is python_rows
+            kind is scenes.kind
+            and parameters is scenes.parameters
+            and priority is scenes.priority
+            and own_margin is scenes.own_margin
+            and atlas is scenes.atlas.numbers
+            and ends is scenes.ends
+            and bound_rows is python_rows
         ):
             arrays = scenes.kind, scenes.parameters, scenes.priority, scenes.own_margin
             self._arrays = SceneArrays(*arrays, scenes.atlas.numbers, scenes.ends, python_rows)

@@ -162,8 +162,8 @@ class Samples:
         if estimate.elapsed is not None or self._has_elapsed:
             self._has_elapsed = estimate.elapsed is not None
             is_valid &= self._take_elapsed(estimate.elapsed)
-        is_uncertain = estimate.covariance is not None
-        is_uncertain |= estimate.model is not None or estimate.lag is not None
+        has_model, has_lag = estimate.model is not None, estimate.lag is not None
+        is_uncertain = has_model or has_lag or estimate.covariance is not None
         if is_uncertain or self.is_uncertain:
             self.is_uncertain = is_uncertain
             is_valid &= self._take_uncertain(estimate)
@@ -175,7 +175,7 @@ class Samples:
             self._check_age(estimate.age)
         self.is_rebased = False
         if self.origin.is_far or not self.origin.is_decided:
-            self._rebase(has_x, estimate.model is not None)
+            self._rebase(has_x, has_model)
 
     def _rebase(self, has_x: bool, has_model: bool) -> None:
         """Let the first valid states decide the origin, and count new positions from it."""

@@ -103,9 +103,8 @@ class PlanarProgram(_Compiled, Program):
         if _dimensions(rows) != 1:
             raise InvalidInputError(f"rows.b: got shape {rows.b.shape}, expected (m,): one state")
         answer = self._solve(np.ascontiguousarray(u), rows)
-        end_of_slack = 2 + rows.b.size
-        slack, delta = answer[2:end_of_slack], answer[end_of_slack:-1]
-        return FilterResult(answer[:2], slack, delta, _STATUSES[int(answer[-1])], fallbacks=0)
+        end, status = 2 + rows.b.size, _STATUSES[int(answer[-1])]
+        return FilterResult(answer[:2], answer[2:end], answer[end:-1], status, 0)
 
 
 class BatchProgram(_Compiled):
