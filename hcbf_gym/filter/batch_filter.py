@@ -161,9 +161,9 @@ class BatchFilter:
         """Begin new episodes, and return the report of their first states.
 
         Args:
-            mask: (N,) which plants begin; None for all.
+            mask: (N,) the plants that begin; None for all.
             x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
-            goal: (2,) or (N, 2) where guidance leads [m]; None leaves it as it is.
+            goal: (2,) or (N, 2) the goals of guidance [m]; None keeps the present ones.
 
         Raises:
             InvalidInputError: if there is no scene or no state, guidance has no goal, or an array
@@ -204,8 +204,8 @@ class BatchFilter:
         Args:
             u_nominal: u* (N, 2) [m/s²] of 32 or 64 bits; u has its type, and is as reported.
             x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
-            time: () or (N,) of the states [s]; None counts periods since the reset.
-            elapsed: () or (N,) since the samples before [s], where periods vary; None is one.
+            time: () or (N,) the times of the states [s]; None counts periods since the reset.
+            elapsed: () or (N,) the times since the samples before [s]; None is one period.
             missing: (N,) the plants without a sample now; None for none.
 
         Raises:

@@ -21,7 +21,7 @@ from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 
 NO_ROWS: Array = np.zeros((0, 0, WIDTH + 2))
-"""The rows that Python makes if compiled code makes all of them."""
+"""No rows, for steps in which compiled code makes them all."""
 
 
 @cache

@@ -13,7 +13,7 @@ from hcbf_gym.filter.certified import CertificateCoverage
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
 DEFAULT_REASONS = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
-"""The `CoveredBy` of each `Coverage`, by its number, where a plant gives no reason."""
+"""The `CoveredBy` of each `Coverage`, by its number, if a plant gives no reason."""
 
 
 class EpisodeCoverage:

@@ -23,8 +23,8 @@ class GeneralProgram(Program):
     """A program of any number of inputs for a single state.
 
     Args:
-        plan: what is solved.
-        prices: its numbers.
+        plan: the stages that are solved.
+        prices: the weights of violations.
         input_set: U.
         solver: the name of a QP solver that computes the projections, unless it fails.
 
