@@ -126,7 +126,7 @@ class FilterConfig:
 
         It is the margin that rows reserve. For a body the distance that rows require close to an
         edge is added, so that guidance leads through no gap that rows close. Half a cell is
-        subtracted, because a cell is open if one place in it is.
+        then subtracted, because a cell is open if one place in it is.
         """
         reserved = self.uncertainty.distance + self.uncertainty.body
         if self.uncertainty.body == 0.0:

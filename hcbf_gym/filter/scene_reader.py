@@ -11,7 +11,7 @@ from hcbf_gym.barriers.many import Flat, Read, are_same, flattened, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, shown
 
-Scenes = tuple[tuple[Any, ...], ...]
+SceneTuples = tuple[tuple[Any, ...], ...]
 """One scene for all plants, or N scenes, each a tuple of elements."""
 
 
@@ -20,7 +20,7 @@ class SceneReader:
 
     def __init__(self, count: int):
         self._count = count
-        self._scenes: Scenes = ()
+        self._scenes: SceneTuples = ()
         self._immutable: object = None  # the latest argument, if it cannot change
         self._several: Read = []  # the elements of several barriers, and their conditions then
         self._set = BarrierSet([()] * count)
@@ -48,7 +48,7 @@ class SceneReader:
         scenes = self._scenes
         return type(barriers) is list and len(scenes) == 1 and are_same(barriers, scenes[0])
 
-    def _sequences(self, barriers: Any) -> Scenes:
+    def _sequences(self, barriers: Any) -> SceneTuples:
         """Return barriers as scenes; refuse all that is no sequence of elements, or N of them."""
         if not is_list(barriers):
             raise InvalidInputError(
@@ -74,7 +74,7 @@ class SceneReader:
                 f"barriers: got a set of {len(scenes.kind)} scenes, expected {self._count}"
             )
 
-    def _read(self, scenes: Scenes, barriers: Any) -> None:
+    def _read(self, scenes: SceneTuples, barriers: Any) -> None:
         """Make the set of scenes, and store the objects with which the next are compared."""
         read = [flattened(scene) for scene in scenes]
         listed: list[Flat] = [barriers_of_scene for barriers_of_scene, _ in read]
