@@ -39,8 +39,8 @@ Numbers = NDArray[Any]
 class BatchFilter:
     """Filters the inputs of N planar double integrators, each in its ranked scene.
 
-    ``ẋ = (v, u)``; u is held for one period. A plant whose state is not finite, of no sample or of
-    a time that does not advance is brought to rest alone: its `status` is BACKUP, with a `reason`.
+    ``ẋ = (v, u)``; u is held for one period. A plant is brought to rest alone if its state is not
+    finite, missing, or of a time that does not advance: its `status` is BACKUP, with a `reason`.
 
     Args:
         input_set: U of each plant [m/s²].
@@ -48,12 +48,12 @@ class BatchFilter:
         num_envs: N; None for one plant, whose arrays have no leading N.
         program: a name from `hcbf_gym.programs.names()`, or a `hcbf_gym.programs.Plan`.
         guidance: as `wrappers.SafetyFilter` takes it.
-        uncertainty: how far a plant may be from its model; the default is an exact model. Where
-            more than the body is declared, `Plant.gain` is 2/s in the place of 10/s.
+        uncertainty: how far a plant may be from its model; the default is an exact model. If more
+            than the body is declared, `Plant.gain` is 2/s instead of 10/s.
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], for guidance; None takes it from
             barriers, states and goals.
-        on_alarm: "warn" or "brake", where a plant is not the one that was declared.
-        threads: how many cores work at once; the answer is the same.
+        on_alarm: "warn" or "brake", if a plant is not the one that was declared.
+        threads: how many cores work at once; the result does not depend on it.
         strict: as `wrappers.SafetyFilter` takes it.
         **options: as `wrappers.SafetyFilter` takes them, and `rows`.
 
@@ -100,8 +100,8 @@ class BatchFilter:
         is_exact = uncertainty._replace(body=EXACT.body, confidence=EXACT.confidence) == EXACT
         gain = class_k.GAIN if is_exact else CAUTIOUS
         plant = Plant(
-            DoubleIntegrator(), _nothing, _nothing, input_set, period=period, goal=None,
-            extent=extent, uncertainty=uncertainty, gain=gain,
+            DoubleIntegrator(), _unused_reader, _unused_reader, input_set, period=period,
+            goal=None, extent=extent, uncertainty=uncertainty, gain=gain,
         )  # fmt: skip
         settings = FilterSettings(
             program, rows, guidance, None, None, on_alarm, False, options, strict
@@ -111,20 +111,21 @@ class BatchFilter:
         self._scenes: BarrierSet | None = None
         self._goal: Array | None = None
         self._extent = extent
-        self._begun: Mask = np.zeros(self._count, dtype=np.bool_)
+        self._has_begun: Mask = np.zeros(self._count, dtype=np.bool_)
 
     @property
     def goal(self) -> Array | None:
-        """(N, 2) where guidance leads [m]; it may be set to (2,) or (N, 2) at any time."""
+        """(N, 2) the goals of guidance [m]; it may be set to (2,) or (N, 2) at any time."""
         return None if self._goal is None else self._goal.copy()
 
     @goal.setter
     def goal(self, goal: object) -> None:
-        self._goal = np.broadcast_to(self._goals(goal), (self._count, 2)).copy()
+        self._goal = np.broadcast_to(self._read_goal(goal), (self._count, 2)).copy()
 
-    def _goals(self, goal: object) -> Array:
-        given = _numpy_of("goal", goal)
-        return finite_array("goal", given, (self._count, 2) if given.ndim == 2 else (2,))
+    def _read_goal(self, goal: object) -> Array:
+        """Return a goal for all plants (2,), or one for each (N, 2)."""
+        array = _as_numpy("goal", goal)
+        return finite_array("goal", array, (self._count, 2) if array.ndim == 2 else (2,))
 
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return name and rank of each row in the report of plant `i`."""
@@ -134,9 +135,8 @@ class BatchFilter:
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return which conditions no input met together at the last step of plant `i`.
 
-        Returns:
-            `rows` are indices of `conditions(i)`; None where there was no conflict, or the state
-            was not accepted.
+        Its `rows` are indices of `conditions(i)`. It is None if there was no conflict, or the state
+        was not accepted.
         """
         return self._core.conflict(i)
 
@@ -152,7 +152,7 @@ class BatchFilter:
         """
         self._scenes = self._barriers = None
         if is_list(barriers):
-            barriers = tuple(tuple(one) if is_list(one) else one for one in barriers)
+            barriers = tuple(tuple(item) if is_list(item) else item for item in barriers)
         scenes = self._core.scenes.read(barriers)
         self._core.scenes.check_limits(scenes)
         self._scenes, self._barriers = scenes, barriers
@@ -161,9 +161,9 @@ class BatchFilter:
         """Begin new episodes, and return the report of their first states.
 
         Args:
-            mask: (N,) which plants begin; None for all.
+            mask: (N,) the plants that begin; None for all.
             x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
-            goal: (2,) or (N, 2) where guidance leads [m]; None leaves it as it is.
+            goal: (2,) or (N, 2) the goals of guidance [m]; None keeps the present ones.
 
         Raises:
             InvalidInputError: if there is no scene or no state, guidance has no goal, or an array
@@ -173,23 +173,22 @@ class BatchFilter:
             raise InvalidInputError("reset: there is no scene, expected set_scene(…) before")
         if x is None:
             raise InvalidInputError("reset: got no x, expected the states (N, 4) of all plants")
-        chosen: Mask = np.ones(self._count, dtype=np.bool_)
+        begins: Mask = np.ones(self._count, dtype=np.bool_)
         if mask is not None:
-            chosen = self._mask("mask", _numpy_of("mask", mask))
+            begins = self._read_mask("mask", _as_numpy("mask", mask))
         if goal is not None:
-            kept = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
-            self._goal = np.where(chosen[:, None], self._goals(goal), kept)
-        if self._core.guides and (self._goal is None or not np.isfinite(self._goal[chosen]).all()):
+            previous = np.full((self._count, 2), np.nan) if self._goal is None else self._goal
+            self._goal = np.where(begins[:, None], self._read_goal(goal), previous)
+        if self._core.guides and (self._goal is None or not np.isfinite(self._goal[begins]).all()):
             raise InvalidInputError("goal: got none for a plant that begins, expected (x, y) [m]")
-        self._begun &= ~chosen  # a reset that fails leaves them without an episode
-        self._core.restart(chosen)
+        self._has_begun &= ~begins  # a reset that fails leaves them without an episode
+        self._core.restart(begins)
         self._core.cover(Coverage.OUTSIDE)
-        report = self._core.begin(
-            self._barriers, self._estimate(x, None, None, None), self._goal, self._extent
-        )
-        self._begun |= chosen
-        back = _like(x.x if isinstance(x, Estimate) else x)
-        return {key: back(value) for key, value in report.items()}
+        estimate = self._read_estimate(x)
+        report = self._core.begin(self._barriers, estimate, self._goal, self._extent)
+        self._has_begun |= begins
+        convert = _converter_to_library_of(x.x if isinstance(x, Estimate) else x)
+        return {key: convert(value) for key, value in report.items()}
 
     def __call__(
         self,
@@ -200,82 +199,84 @@ class BatchFilter:
         elapsed: object = None,
         missing: object = None,
     ) -> tuple[Any, Info]:
-        """Return u and the report, arrays of the kind that u* is.
+        """Return u and the report, as arrays of the library of u*.
 
         Args:
             u_nominal: u* (N, 2) [m/s²] of 32 or 64 bits; u has its type, and is as reported.
             x: (N, 4) states, positions [m] and velocities [m/s], or an `Estimate`.
-            time: () or (N,) of the states [s]; None counts periods since the reset.
-            elapsed: () or (N,) since the samples before [s], where periods vary; None is one.
-            missing: (N,) of which plants there is no sample now; None for none.
+            time: () or (N,) the times of the states [s]; None counts periods since the reset.
+            elapsed: () or (N,) the times since the samples before [s]; None is one period.
+            missing: (N,) the plants without a sample now; None for none.
 
         Raises:
             InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
         """
-        if not self._begun.all():
+        if not self._has_begun.all():
             raise InvalidInputError(
-                f"batch filter: got a step before a reset of {int((~self._begun).sum())} of "
+                f"batch filter: got a step before a reset of {int((~self._has_begun).sum())} of "
                 f"{self._count} plants, expected reset(x=…) first"
             )
         shape = (2,) if self.num_envs is None else (self._count, 2)
-        wanted = floats("u_nominal", u_nominal, shape)
-        back = _like(u_nominal)
-        self._core.config.applied_as(np.float32 if wanted.dtype == np.float32 else np.float64)
-        estimate = self._estimate(x, time, elapsed, missing)
+        u_numpy = floats("u_nominal", u_nominal, shape)
+        convert = _converter_to_library_of(u_nominal)
+        config = self._core.config
+        config.applied_as(np.float32 if u_numpy.dtype == np.float32 else np.float64)
+        estimate = self._read_estimate(x, time, elapsed, missing)
         world = World(self._goal, self._extent)
-        u, report = self._core.step(
-            wanted.astype(np.float64), self._barriers, estimate, world=world
-        )
-        return back(u.astype(self._core.config.dtype)), {
-            k: back(value) for k, value in report.items()
-        }
+        u_numpy = u_numpy.astype(np.float64)
+        u, report = self._core.step(u_numpy, self._barriers, estimate, world=world)
+        u = u.astype(config.dtype)
+        return convert(u), {key: convert(value) for key, value in report.items()}
 
-    def _estimate(self, x: object, time: object, elapsed: object, missing: object) -> Estimate:
-        """Return what is known of the plants."""
-        given = x.x if isinstance(x, Estimate) else x
-        known = floats("x", _numpy_of("x", given))
-        estimate = x._replace(x=known) if isinstance(x, Estimate) else Estimate(known)
+    def _read_estimate(
+        self, x: object, time: object = None, elapsed: object = None, missing: object = None
+    ) -> Estimate:
+        """Return the arguments of a step as an estimate of all plants."""
+        given = x if isinstance(x, Estimate) else None
+        states = floats("x", _as_numpy("x", x if given is None else given.x))
+        estimate = Estimate(states) if given is None else given._replace(x=states)
         if time is not None:
-            estimate = estimate._replace(time=reals("time", self._of_all("time", time)))
+            time = reals("time", self._for_each_plant("time", time))
+            estimate = estimate._replace(time=time)
         if elapsed is not None:
-            since = reals("elapsed", self._of_all("elapsed", elapsed))
-            estimate = estimate._replace(elapsed=since)
+            elapsed = reals("elapsed", self._for_each_plant("elapsed", elapsed))
+            estimate = estimate._replace(elapsed=elapsed)
         if missing is not None:
-            absent = self._mask("missing", self._of_all("missing", missing))
+            is_missing = self._read_mask("missing", self._for_each_plant("missing", missing))
             age = 0.0 if estimate.age is None else estimate.age
-            estimate = estimate._replace(age=np.where(absent, math.inf, age))
+            estimate = estimate._replace(age=np.where(is_missing, math.inf, age))
         return estimate
 
-    def _mask(self, name: str, given: Numbers) -> Mask:
+    def _read_mask(self, name: str, mask: Numbers) -> Mask:
         """Return (N,) booleans; refuse anything else."""
-        if given.dtype != np.bool_ or given.shape != (self._count,):
-            got = f"{name}: got {given.dtype} {given.shape}"
+        if mask.dtype != np.bool_ or mask.shape != (self._count,):
+            got = f"{name}: got {mask.dtype} {mask.shape}"
             raise InvalidInputError(f"{got}, expected bool ({self._count},)")
-        return given
+        return mask
 
-    def _of_all(self, name: str, value: object) -> Numbers:
-        """Return a number of each plant, of which one may be given for all."""
-        given = _numpy_of(name, value)
-        return np.broadcast_to(given, self._count) if given.ndim == 0 else given
+    def _for_each_plant(self, name: str, value: object) -> Numbers:
+        """Return a value of each plant; a single value is that of all plants."""
+        array = _as_numpy(name, value)
+        return np.broadcast_to(array, self._count) if array.ndim == 0 else array
 
 
-def _nothing(*_: object) -> tuple[()]:
-    """Stand in for readers that this filter does not use."""
+def _unused_reader(*_: object) -> tuple[()]:
+    """Take the place of a plant's readers, which this filter does not call."""
     return ()
 
 
-def _numpy_of(name: str, value: Any) -> Numbers:
+def _as_numpy(name: str, value: Any) -> Numbers:
     """Return `value` as `as_array` does; masked entries are NaN."""
     if np.ma.is_masked(value) and value.dtype.kind in "fiu":
         return np.ma.filled(value.astype(np.float64), np.nan)
     return as_array(name, value)
 
 
-def _like(example: object) -> Callable[[Numbers], Any]:
-    """Return what turns an array of NumPy into the kind that `example` is."""
-    kind = library_of(example)
-    if kind == "torch":
+def _converter_to_library_of(example: object) -> Callable[[Numbers], Any]:
+    """Return a function that converts arrays of NumPy to the library of `example`."""
+    library = library_of(example)
+    if library == "torch":
         return sys.modules["torch"].as_tensor
-    if kind == "jax":
+    if library == "jax":
         return sys.modules["jax"].numpy.asarray
     return lambda array: array

@@ -1,7 +1,10 @@
 """The compiled filter of N plants, bound to the arrays that it reads and to its report.
 
 The report, ``info["safety_filter"]``, has the fields of `report` in `plants.hpp`. The keys are the
-same for every filter; a field that a filter does not write is 0.
+same for every filter; a field that a filter does not write is 0. The memory of a report holds the
+structs of all plants, then the structs of all rows. Each number is a word of 8 bytes:
+
+    plant: intervention, other scalars, u_nominal (n_u), u_safe (n_u) | row 0: … | row 1: … | …
 """
 
 from functools import cache
@@ -18,107 +21,107 @@ from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.samples import Samples
 
 NO_ROWS: Array = np.zeros((0, 0, WIDTH + 2))
-"""The rows that Python makes, if it makes none."""
+"""No rows, for steps in which compiled code makes them all."""
 
 
 @cache
-def plant_dtype(n_u: int) -> np.dtype[np.void]:
-    """Return the type of the report of a plant of n_u inputs; u* and u are behind the struct."""
+def report_dtype(n_u: int) -> np.dtype[np.void]:
+    """Return the type of the report of a plant with n_u inputs; u* and u are behind the struct."""
     return record_type("report.Plant", u_nominal=n_u, u_safe=n_u)
 
 
 ROW = record_type("report.Row")
 """The type of the report of a row; rows are in the order of the barriers."""
 
-_ROWS = ROW.names or ()
-_PLANTS = plant_dtype(2).names or ()
-_SCALARS = _PLANTS[:-2]
-_WORD = 8  # bytes of a number or a code
-_ROW_WORDS = ROW.itemsize // _WORD
+_ROW_FIELDS = ROW.names or ()
+_PLANT_FIELDS = report_dtype(2).names or ()
+_SCALAR_FIELDS = _PLANT_FIELDS[:-2]
+_WORD_BYTES = 8
+_ROW_WORDS = ROW.itemsize // _WORD_BYTES
 
 
 class SceneArrays(NamedTuple):
-    """The arrays to which the compiled filter is bound; None before the first step."""
+    """The arrays of a `BarrierSet` that the compiled filter reads; None before the first step."""
 
-    kind: Any = None  # the first six are arrays of a `BarrierSet`
+    kind: Any = None
     parameters: Any = None
     priority: Any = None
     own_margin: Any = None
     atlas: Any = None
     ends: Any = None
-    rows: Any = None  # (N, m, WIDTH + n_u) the rows that Python makes
+    python_rows: Any = None  # (N, m, WIDTH + n_u) the rows that Python makes
 
 
 class Bound:
-    """Filters N plants in compiled code, which is bound anew to arrays that are replaced.
+    """Filters N plants in compiled code, which is bound anew when arrays are replaced.
 
     `batch` is N of a batch, or None for one plant, whose report has no leading N.
 
     Attributes:
         core: the compiled filter.
-        plants: (N,) the reports of the plants.
-        rows: (N, M) the reports of the rows, `ROW`; M is m, and one more with guidance.
+        plants: (N,) the reports of the plants, of the type `report_dtype`.
+        rows: (N, M) the reports of the rows, of the type `ROW`; M is m, or m + 1 with guidance.
         u_nominal: (N, n_u) u*, a view of `plants`.
-        words: (N, …) the numbers of which `plants` and `rows` consist.
+        words: `plants` and `rows` as numbers (N, …), for the core.
     """
 
     def __init__(self, config: FilterConfig, samples: Samples, batch: int | None, threads: int):
         self._config, self._samples, self._threads = config, samples, threads
         self._alone, self._count = batch is None, config.count
-        self._dtype = plant_dtype(config.input_set.n_u)
+        self._dtype = report_dtype(config.input_set.n_u)
         self.plants: Records = np.zeros(self._count, dtype=self._dtype)
         self.plants["alpha1_scale"] = config.alpha1_scale
         self._make_core()
         self.resize(0, 0)
 
     def _make_core(self) -> None:
-        """Make the compiled filter, which is not bound to a scene yet."""
+        """Make the compiled filter, which is not bound to scenes yet."""
         config, samples = self._config, self._samples
         self.core = _core.Filter(config.words, config.program, samples.words, self._threads)
         if samples.is_apart:
             self.core.set_states(*samples.states)
         if config.gate is not None:
             self.core.set_laws(config.gate.input)
-        self._scene = SceneArrays()
+        self._arrays = SceneArrays()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the attributes for a copy, which binds its own arrays."""
-        parts = "core", "plants", "rows", "u_nominal", "_head"
-        return {name: value for name, value in vars(self).items() if name not in parts}
+        """Return the attributes for a copy, without the core and the views of `_memory`."""
+        bound = "core", "plants", "rows", "u_nominal", "words", "_constant_words"
+        return {name: value for name, value in vars(self).items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        scene = self._scene
+        arrays = self._arrays
         self._make_core()
-        self._divide(self._numbers)
-        if scene.kind is not None:  # `copy_of_last_step` needs the scene of the last step
-            self._scene = scene
-            self.core.set_scene(*scene)
+        self._set_views(self._memory)
+        if arrays.kind is not None:  # `copy_of_last_step` needs the scenes of the last step
+            self._arrays = arrays
+            self.core.set_scene(*arrays)
 
     def resize(self, m: int, total: int) -> None:
-        """Allocate the reports of `total` rows, the first m of which the user gets."""
-        before, self._m, self._total = self.plants, m, total
-        words = self._dtype.itemsize // _WORD + total * _ROW_WORDS
-        self._divide(np.zeros(self._count * words))
-        self.plants[...] = before
+        """Allocate a report of `total` rows for each plant, of which the user gets the first m."""
+        previous, self._m, self._total = self.plants, m, total
+        words = self._dtype.itemsize // _WORD_BYTES + total * _ROW_WORDS
+        self._set_views(np.zeros(self._count * words))
+        self.plants[...] = previous
         if self._alone:
-            self._places = _places(self._dtype, m)
-            self._reported, self._scalars = b"", {}
+            self._places = _places_of_changing_fields(self._dtype, m)
+            self._last_constants, self._scalars = b"", {}
 
     def renew(self) -> None:
-        """Allocate the next report, as the user has the last one; a step writes all rows."""
-        before, _ = self.words
-        self._divide(np.empty_like(self._numbers))
-        self.words[0][...] = before
-        self.plants["alpha1_scale"] = (
-            self._config.alpha1_scale
-        )  # the user may have written to the last
+        """Allocate the next report, because the user has the last one; a step writes all rows."""
+        previous_plants, _ = self.words
+        self._set_views(np.empty_like(self._memory))
+        self.words[0][...] = previous_plants
+        # the user may have written to the last report
+        self.plants["alpha1_scale"] = self._config.alpha1_scale
 
-    def _divide(self, memory: Array) -> None:
-        """Let both reports be views of one array, which is copied at once."""
-        words = self._count * self._dtype.itemsize // _WORD
-        self._numbers = memory
-        self._head = memory[1 : len(_SCALARS)]
+    def _set_views(self, memory: Array) -> None:
+        """Let both reports be views of one array, which `report` copies at once."""
+        words = self._count * self._dtype.itemsize // _WORD_BYTES
+        self._memory = memory
+        # all scalars of the first plant but the intervention, which changes at every step
+        self._constant_words = memory[1 : len(_SCALAR_FIELDS)]
         self.plants = memory[:words].view(self._dtype)
         self.u_nominal: Array = self.plants["u_nominal"]
         rows = memory[words:]
@@ -126,63 +129,71 @@ class Bound:
         self.words = numbers_of(self.plants), rows.reshape(self._count, -1)
         self.core.set_report(*self.words)
 
-    def filter(self, scene: BarrierSet, own: Array = NO_ROWS) -> int:
-        """Filter the plants by the compiled program or a solver.
+    def filter(self, scenes: BarrierSet, python_rows: Array = NO_ROWS) -> int:
+        """Filter the plants in their scenes, and return the result, such as `solvers.DONE`.
 
-        Args:
-            scene: the scenes of the plants.
-            own: (N, m, WIDTH + n_u) the rows that Python makes.
-
-        Returns:
-            The result of the step, such as `solvers.DONE`.
+        `python_rows` (N, m, WIDTH + n_u) are the rows that Python makes.
         """
-        kind, parameters, priority, own_margin, atlas, ends, rows = self._scene
-        same = kind is scene.kind and parameters is scene.parameters and own is rows
-        same = same and priority is scene.priority and own_margin is scene.own_margin
-        if not (same and atlas is scene.atlas.numbers and ends is scene.ends):
-            arrays = scene.kind, scene.parameters, scene.priority, scene.own_margin
-            self._scene = SceneArrays(*arrays, scene.atlas.numbers, scene.ends, own)
-            self.core.set_scene(*self._scene)
+        kind, parameters, priority, own_margin, atlas, ends, bound_rows = self._arrays
+        if not (
+            kind is scenes.kind
+            and parameters is scenes.parameters
+            and priority is scenes.priority
+            and own_margin is scenes.own_margin
+            and atlas is scenes.atlas.numbers
+            and ends is scenes.ends
+            and bound_rows is python_rows
+        ):
+            arrays = scenes.kind, scenes.parameters, scenes.priority, scenes.own_margin
+            self._arrays = SceneArrays(*arrays, scenes.atlas.numbers, scenes.ends, python_rows)
+            self.core.set_scene(*self._arrays)
         if self._config.solver is None:
             return self.core.filter()
-        return solvers.answer(self._config.solver, self.core, self._count)
+        return solvers.filter_by_solver(self._config.solver, self.core, self._count)
 
     def report(self) -> Info:
-        """Return the report of the last step, a dict by the names of fields."""
+        """Return the report of the last step, a dict by the names of its fields."""
         if not self._alone:
-            report = {name: self.plants[name] for name in _PLANTS}
-            return report | {name: self.rows[name][:, : self._m] for name in _ROWS}
-        head = self._head.tobytes()
-        if head != self._reported:
-            self._reported = head
-            self._scalars = {name: self.plants[name][0] for name in _SCALARS}
+            report = {name: self.plants[name] for name in _PLANT_FIELDS}
+            return report | {name: self.rows[name][:, : self._m] for name in _ROW_FIELDS}
+        # scalars, such as the status, rarely change, so that their objects are used again
+        constants = self._constant_words.tobytes()
+        if constants != self._last_constants:
+            self._last_constants = constants
+            self._scalars = {name: self.plants[name][0] for name in _SCALAR_FIELDS}
         report = self._scalars.copy()
-        numbers = self._numbers.copy()
+        memory = self._memory.copy()
         for name, place in self._places:
-            report[name] = numbers[place]
+            report[name] = memory[place]
         return report
 
     def copy_of_last_step(self) -> _core.Filter | None:
         """Return a compiled filter that can repeat the last step, on copies; None before any."""
-        if self._scene.kind is None:
+        if self._arrays.kind is None:
             return None
-        sensed = self._samples.plants.copy()
-        sensed["known"] = 0  # so that the time of the same sample is accepted again
+        plants = self._samples.plants.copy()
+        plants["known"] = 0  # so that the time of the same sample is accepted again
         config = self._config
-        repeated = _core.Filter(config.words.copy(), config.program, numbers_of(sensed), 1)
+        repeated = _core.Filter(config.words.copy(), config.program, numbers_of(plants), 1)
         if config.gate is not None:
             repeated.set_laws(config.gate.input)
-        repeated.set_scene(*self._scene)
+        repeated.set_scene(*self._arrays)
         repeated.set_report(*(words.copy() for words in self.words))
         return repeated
 
 
-def _places(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice]]:
-    """Return the places, in the array of one plant's report, of fields that change every step."""
-    start, step = dtype.itemsize // _WORD, _ROW_WORDS
-    n_u, at = dtype["u_safe"].shape[0], len(_SCALARS)
-    places: list[tuple[str, int | slice]] = [("intervention", 0)]
-    places += [("u_nominal", slice(at, at + n_u)), ("u_safe", slice(at + n_u, at + 2 * n_u))]
-    return places + [
-        (name, slice(start + k, start + k + m * step, step)) for k, name in enumerate(_ROWS)
+def _places_of_changing_fields(dtype: np.dtype[np.void], m: int) -> list[tuple[str, int | slice]]:
+    """Return the fields that change at every step, and their places in a report with m rows."""
+    n_u = dtype["u_safe"].shape[0]
+    u_nominal = len(_SCALAR_FIELDS)
+    u_safe = u_nominal + n_u
+    places: list[tuple[str, int | slice]] = [
+        ("intervention", 0),
+        ("u_nominal", slice(u_nominal, u_safe)),
+        ("u_safe", slice(u_safe, u_safe + n_u)),
     ]
+    first_row = dtype.itemsize // _WORD_BYTES
+    end = first_row + m * _ROW_WORDS
+    for k, name in enumerate(_ROW_FIELDS):
+        places.append((name, slice(first_row + k, end + k, _ROW_WORDS)))
+    return places

@@ -1,9 +1,9 @@
-"""Whether the promise was tested for a filter's plant and arguments.
+"""Decides whether the promise was tested for a filter's plant and arguments.
 
-* An environment *declares* its arguments by name (`Plant.declared`). What identifies a plant is
-  that, and of a user's plant a hash of each of its parts as well (`certificates.declared`).
-* A value was *tested* where it is in its range in `tested.json` or in a certificate.
-* A plant is *covered* where all that identifies it was tested. `covered` is then
+* An environment *declares* its arguments by name (`Plant.declared`). They identify its plant; a
+  user's plant is also identified by a hash of each of its parts (`certificates.declared`).
+* A value was *tested* if it is in its range in `tested.json` or in a certificate.
+* A plant is *covered* if all values that identify it were tested. `covered` is then
   `Coverage.COVERED`, and `Coverage.SCENE` in scenes that were not tested.
 """
 
@@ -20,38 +20,37 @@ from hcbf_gym.filter.settings import FilterSettings, alphas_of
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
-_FREE = ("covered", "goal", "extent", "uncertainty")
-"""Fields of an environment's plant that a filter's plant may change."""
+_CHANGEABLE_FIELDS = ("covered", "goal", "extent", "uncertainty")
+"""The fields in which a filter's plant may differ from the environment's plant."""
 
 
 class CertificateCoverage(NamedTuple):
-    """A plant's `covered` by a certificate: it follows what the environment declares at each step.
+    """A reader for `Plant.covered`: compares the declared values with a certificate at each step.
 
-    Episodes of this very plant showed what it promises, so that no sufficient condition on its
-    inputs has to hold besides.
-
-    `declared` is the plant's own mapping, or a reader of one; None where it declares nothing.
+    No sufficient condition on the inputs has to hold besides, because episodes of this very plant
+    have shown that it satisfies rank 1.
     """
 
     certificate: Certificate
-    identity: Mapping[str, object]  # of the plant when the filter was made
-    declared: Mapping[str, object] | Reader | None
+    identity: Mapping[str, object]  # the identity of the plant when the filter was made
+    declared: Mapping[str, object] | Reader | None  # the plant's field; None if it has none
 
     def __call__(self, env: object, observation: object, info: Info) -> Judged:
-        """Return whether the certificate covers the plant with what it declares now."""
+        """Return whether the certificate covers the plant with its present declared values."""
         latest = read(self.declared, env, observation, info) or {}
-        known = {**self.identity, **latest}
-        return judge(known, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
+        identity = {**self.identity, **latest}
+        return judge(identity, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
 def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
-    """Return the plant with a certificate's margins and coverage, or warn that it is of another.
+    """Return the plant with a certificate's margins and coverage.
 
-    Rows then reserve the certificate's uncertainty, with the extent of the plant's own body.
+    Rows then reserve the certificate's uncertainty, with the extent of the plant's own body. If the
+    certificate is of another plant, a warning states the differences, and nothing is covered.
 
     Args:
-        plant: of the filter.
-        certificate: which the user gave for this plant.
+        plant: the filter's plant.
+        certificate: the certificate that the user gave for this plant.
         env: the unwrapped environment.
     """
     identity = certificates.declared(plant, env, None, {})
@@ -65,10 +64,10 @@ def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
         return replace(plant, covered=judged._replace(covered_by=CoveredBy.CERTIFICATE))
     if judged.outside:
         warn_of_version(judged.reasons[0])
-    reserved = plant.uncertainty if certificate.margins is None else certificate.margins
-    reserved = reserved._replace(body=plant.uncertainty.body)
+    margins = plant.uncertainty if certificate.margins is None else certificate.margins
+    margins = margins._replace(body=plant.uncertainty.body)
     coverage = CertificateCoverage(certificate, identity, plant.declared)
-    return replace(plant, uncertainty=reserved, covered=judged if judged.outside else coverage)
+    return replace(plant, uncertainty=margins, covered=judged if judged.outside else coverage)
 
 
 def judge_filter(
@@ -77,26 +76,29 @@ def judge_filter(
     differences: list[str],
     certificate: Certificate | None,
 ) -> Judged | None:
-    """Return why a filter is not covered, with a warning; None where its plant and arguments are.
+    """Warn of values with which the promise was not tested, and return them.
 
     Args:
         settings: the filter's arguments.
-        plant: of the filter.
-        differences: between it and the environment's own plant, see `differences_of`.
-        certificate: of the plant; None where the filter was given none.
+        plant: the filter's plant.
+        differences: how it differs from the environment's own plant, see `differences_of`.
+        certificate: the plant's certificate; None if the filter was given none.
+
+    Returns:
+        Why the filter is not covered; None if its plant and its arguments were tested.
     """
-    known = plant.covered.covered if isinstance(plant.covered, Judged) else plant.covered
-    if isinstance(known, int) and known == Coverage.OUTSIDE:
-        return None  # nothing is promised of the plant, whatever the filter's arguments are
+    covered = plant.covered.covered if isinstance(plant.covered, Judged) else plant.covered
+    if isinstance(covered, int) and covered == Coverage.OUTSIDE:
+        return None  # nothing is promised for the plant, whatever the filter's arguments are
     ranges = _tested_ranges(plant, certificate)
-    comparable = _comparable(settings, plant)
-    arguments = {name: comparable[name] for name in (*ranges, "alpha_gain")}
-    of_plant = certificates.tested()["plant of the filter"]
-    both = (
-        judge({"plant": differences}, of_plant, reason=CoveredBy.PLANT),
+    values = _comparable(settings, plant)
+    arguments = {name: values[name] for name in (*ranges, "alpha_gain")}
+    plant_ranges = certificates.tested()["plant of the filter"]
+    judgements = (
+        judge({"plant": differences}, plant_ranges, reason=CoveredBy.PLANT),
         judge(arguments, ranges, reason=CoveredBy.FILTER),
     )
-    outside = [judged for judged in both if judged.outside]
+    outside = [judged for judged in judgements if judged.outside]
     if not outside:
         return None
     phrases = tuple(phrase for judged in outside for phrase in judged.reasons)
@@ -108,59 +110,52 @@ def judge_filter(
 
 
 def _tested_ranges(plant: Plant, certificate: Certificate | None) -> dict[str, object]:
-    """Return the filter's arguments that matter for a plant, each with its tested range."""
-    # Where the model is exact, any margin and any α whose row U can brake is as good.
+    """Return the tested range of each argument of the filter that matters for a plant."""
+    # if the model is exact, any margin is as good, and any α whose row U can brake
     is_exact = plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator)
-    kind = "filter" if is_exact else "filter of a plant that is not its model"
-    ranges = dict(certificates.tested()[kind])
+    section = "filter" if is_exact else "filter of a plant that is not its model"
+    ranges = dict(certificates.tested()[section])
     if certificate is not None:
         ranges["options"] = {}
-        of_filter = ("program", "strict")
-        ranges |= {k: certificate.family[k] for k in of_filter if k in certificate.family}
+        for name in ("program", "strict"):
+            if name in certificate.family:
+                ranges[name] = certificate.family[name]
         if certificate.family["kind"] == "own":
             ranges["guidance"] = None
     return ranges
 
 
 def _comparable(settings: FilterSettings, plant: Plant) -> dict[str, object]:
-    """Return a filter's arguments in JSON's terms, with its α besides the other options.
+    """Return a filter's arguments in JSON's terms, each α apart from the other options.
 
-    Ranges end at `alpha_gain`, the gain that α₂ has unless it is given.
+    Ranges end at `alpha_gain`, the gain of α₂ if it is not given.
     """
-    options, alphas = settings.options, alphas_of(settings.options, plant)
-    plain = {name: records.to_dict(alpha, class_k.KINDS) for name, alpha in alphas.items()}
-    return (
-        settings._asdict()
-        | plain
-        | {
-            "program": programs.plain(settings.program),
-            "on_alarm": None if settings.on_alarm == plant.on_alarm else settings.on_alarm,
-            "options": {name: one for name, one in options.items() if name not in alphas},
-            "alpha_gain": class_k.unless_given(plant.period, plant.gain).gain,
-        }
-    )
+    alphas = alphas_of(settings.options, plant)
+    alphas_as_json = {k: records.to_dict(alpha, class_k.KINDS) for k, alpha in alphas.items()}
+    return {
+        **settings._asdict(),
+        **alphas_as_json,
+        "program": programs.plain(settings.program),
+        "on_alarm": None if settings.on_alarm == plant.on_alarm else settings.on_alarm,
+        "options": {name: x for name, x in settings.options.items() if name not in alphas},
+        "alpha_gain": class_k.unless_given(plant.period, plant.gain).gain,
+    }
 
 
 def differences_of(plant: Plant, env: Any) -> list[str]:
-    """Return how a filter's plant differs from its environment's own, a phrase for each field.
-
-    Args:
-        plant: of the filter.
-        env: the unwrapped environment.
-    """
-    found = []
+    """Return in phrases how a filter's plant differs from that of its unwrapped environment."""
+    phrases = []
     if certificates.is_of_package(plant.declared) and not certificates.is_of_package(type(env)):
-        found.append("another environment than the package's")
+        phrases.append("another environment than the package's")
     own = getattr(env, "plant", None)
     if not isinstance(own, Plant):
-        return found
-    found += [
-        f"another {field.name.replace('_', ' ')} than the environment's"
-        for field in fields(plant)
-        if field.name not in _FREE
-        and not certificates.same(getattr(plant, field.name), getattr(own, field.name))
-    ]
+        return phrases
+    for name in (field.name for field in fields(plant)):
+        if name in _CHANGEABLE_FIELDS:
+            continue
+        if not certificates.same(getattr(plant, name), getattr(own, name)):
+            phrases.append(f"another {name.replace('_', ' ')} than the environment's")
     reserved = zip(plant.uncertainty, own.uncertainty, strict=True)
-    if any(less < needed for less, needed in reserved):
-        found.append("a lower uncertainty than the environment's")
-    return found
+    if any(mine < required for mine, required in reserved):
+        phrases.append("a lower uncertainty than the environment's")
+    return phrases

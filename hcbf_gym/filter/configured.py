@@ -36,22 +36,23 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import ON_ALARM, Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
-FAR_OFF = 0.15
-"""The distance from walls that rows may require of a cart without a warning [m]."""
+MAX_UNWARNED_CLEARANCE = 0.15
+"""The distance from walls, besides its margin, at which a cart may stay without a warning [m]."""
 
 
 class FilterConfig:
-    """All that a filter of N plants never changes.
+    """The configuration of a filter of N plants, which does not change after construction.
 
     Attributes:
-        alpha1: α₁ of the rows, scaled down so that U can brake as they require.
+        alpha1: α₁ of the rows, scaled down so that U can brake as the rows require.
         alpha2: α₂.
         alpha_speed: α of speed limits and zones.
         alpha1_scale: the factor of α₁; 1 if U can brake as hard without it.
         row_settings: how rows are made, for a held input or for one instant.
-        uncertainty: what the rows reserve.
-        dtype: of the environment's actions.
-        words: the numbers of `constants`.
+        uncertainty: the uncertainty for which rows reserve a margin.
+        dtype: the type of the environment's actions.
+        brakes_on_alarm: whether an alarm makes the filter brake.
+        words: `constants` as numbers, for the core.
         program: corners of U and weights, see `plants.constants`.
         gate: how manoeuvres satisfy strict conditions; None if rows do.
         solver: the program with a solver by name; None for the compiled program.
@@ -106,10 +107,13 @@ class FilterConfig:
     @cached_property
     def reserve(self) -> Reserve:
         """Derives the margins of rows whose h is no built-in shape of the double integrator."""
-        declared = self.plant.uncertainty.distance if self.settings.margin is None else 0.0
-        reserved, period = self.uncertainty, self.plant.period
-        fixed = reserved.distance - declared
-        return Reserve(self.plant.model, self.input_set, reserved, fixed, period)
+        fixed = self.uncertainty.distance - self._derived_distance
+        return Reserve(self.plant.model, self.input_set, self.uncertainty, fixed, self.plant.period)
+
+    @property
+    def _derived_distance(self) -> float:
+        """The declared error of the position [m]; 0 if the user gives the margin by hand."""
+        return self.plant.uncertainty.distance if self.settings.margin is None else 0.0
 
     @property
     def cell(self) -> float:
@@ -120,9 +124,9 @@ class FilterConfig:
     def clearance(self) -> float:
         """The distance from strict edges at which guidance leads [m].
 
-        It is what rows reserve. For a body it is also what rows require close to an edge, so that
-        guidance leads through no gap that rows close. It is less by half a cell, because a cell is
-        open if a place in it is.
+        It is the margin that rows reserve. For a body the distance that rows require close to an
+        edge is added, so that guidance leads through no gap that rows close. Half a cell is
+        then subtracted, because a cell is open if one place in it is.
         """
         reserved = self.uncertainty.distance + self.uncertainty.body
         if self.uncertainty.body == 0.0:
@@ -140,18 +144,19 @@ class FilterConfig:
         axle = self.plant.axle
         if axle is None:
             return
-        given = self.plant.input_set is not None
-        most = self.input_set.radius if given else braking.weakest(self.input_set)
-        hardest = axle.braking if given else axle.hardest_of_point
-        if hardest > most * (1.0 + 1e-6):  # 32 bits of an action space
-            what = "the braking" if given else "the largest input, along and across the heading,"
+        if self.plant.input_set is not None:
+            name, required, available = "the braking", axle.braking, self.input_set.radius
+        else:
+            name = "the largest input, along and across the heading,"
+            required, available = axle.hardest_of_point, braking.weakest(self.input_set)
+        if required > available * (1.0 + 1e-6):  # limits of an action space have 32 bits
             raise InvalidInputError(
-                f"axle: got {what} of {hardest:.4g} m/s² with {self.input_set}, which holds "
-                f"{most:.4g} m/s², expected an Axle(braking=…) within U, or a larger U"
+                f"axle: got {name} of {required:.4g} m/s² with {self.input_set}, which holds "
+                f"{available:.4g} m/s², expected an Axle(braking=…) within U, or a larger U"
             )
 
     def _make_program(self, held: bool) -> None:
-        """Make the program, and write the constants of compiled code."""
+        """Make the program, and the constants of compiled code, which `plants.hpp` documents."""
         settings, input_set, plant = self.settings, self.input_set, self.plant
         options = {k: v for k, v in settings.options.items() if k not in ROW_OPTIONS}
         self.solver: programs.Program | None = None
@@ -159,32 +164,38 @@ class FilterConfig:
             self.solver = programs.make(
                 settings.program, input_set=input_set, solver=settings.solver, **options
             )
-        numbers: dict[str, Any] = {"ranks": True, "radius": input_set.radius}
-        numbers |= {"vertices": np.zeros((1, 1, 2)), "weights": np.zeros((1, 1))}
         if input_set.n_u == 2:
             batch = programs.make_batch(settings.program, input_set=input_set, **options)
-            numbers = batch.settings_of(self.count)
-            if plant.axle is not None and numbers["by_level"]:  # a strict rank for what moves
-                numbers["weights"] = np.insert(numbers["weights"], 1, np.inf, axis=1)
-        own = plant.uncertainty.distance if settings.margin is None else 0.0
-        lags = self.uncertainty.cap > 0.0  # the robot is not its model
-        numbers |= self.uncertainty._asdict()
-        numbers |= {"rows": self.row_settings.packed, "period": plant.period or 0.0}
-        numbers |= {"brakes": self.brakes_on_alarm, "made": not self.is_planar}
-        numbers["observed"] = True
-        numbers |= gatekeeper.constants(self.gate, plant, settings.margin)
-        numbers["dip"] = 0.0 if held else self.uncertainty.distance - own
-        numbers["settles"] = self.uncertainty.per_velocity if lags else 0.0
-        numbers["tracking"] = 0.5 * self.uncertainty.distance if lags else 0.0
+            constants = batch.settings_of(self.count)
+            if plant.axle is not None and constants["by_level"]:
+                # rows of regions that move have a strict rank of their own
+                constants["weights"] = np.insert(constants["weights"], 1, np.inf, axis=1)
+        else:  # the compiled program is not called
+            constants = {"ranks": True, "radius": input_set.radius}
+            constants |= {"vertices": np.zeros((1, 1, 2)), "weights": np.zeros((1, 1))}
+        uncertainty = self.uncertainty
+        is_its_model = uncertainty.cap <= 0.0
+        constants |= {
+            **uncertainty._asdict(),
+            "rows": self.row_settings.packed,
+            "period": plant.period or 0.0,
+            "brakes": self.brakes_on_alarm,
+            "made": not self.is_planar,
+            "observed": True,
+            **gatekeeper.constants(self.gate, plant, settings.margin),
+            "dip": 0.0 if held else uncertainty.distance - self._derived_distance,
+            "settles": 0.0 if is_its_model else uncertainty.per_velocity,
+            "tracking": 0.0 if is_its_model else 0.5 * uncertainty.distance,
+        }
         if plant.axle is not None:
-            numbers |= self._axle_numbers(plant.axle, held)
-        self.words, self.program = plants.constants(numbers)
+            constants |= self._axle_constants(plant.axle, held)
+        self.words, self.program = plants.constants(constants)
 
-    def _axle_numbers(self, axle: Axle, held: bool) -> dict[str, Any]:
-        """Return the constants of a differential drive; warn if rows keep it far off walls."""
+    def _axle_constants(self, axle: Axle, held: bool) -> dict[str, Any]:
+        """Return the constants of a differential drive; warn if its rows forbid to near walls."""
         period, settings = self.plant.period or 0.0, self._axle_settings(held)
         clearance = axle_rows.wall_clearance(settings, axle.jerk(period))
-        if clearance > FAR_OFF:
+        if clearance > MAX_UNWARNED_CLEARANCE:
             warn_caller(
                 f"safety filter: at a period of {period:g} s a cart that turns at "
                 f"{axle.turn:g} rad/s stays {clearance:.2g} m off walls besides its margin; "
@@ -203,37 +214,38 @@ class FilterConfig:
     def applied_as(self, dtype: DTypeLike) -> None:
         """Set the type of the environment's actions; strict rows reserve the error of rounding."""
         self.dtype = np.dtype(dtype)
-        rounds = self.dtype == np.float32
-        rounding = 0.5 * np.finfo(np.float32).eps * self.input_set.radius
-        self.constants["rounding"] = rounding if rounds else 0.0
+        relative_error = 0.5 * np.finfo(np.float32).eps if self.dtype == np.float32 else 0.0
+        self.constants["rounding"] = relative_error * self.input_set.radius
 
     @cached_property
     def gain(self) -> float:
         """The greatest acceleration of the planar velocity that an input causes [m/s²]."""
         if self.plant.axle is not None:
             return self.plant.axle.braking
-        model, at = self.plant.model, self.plant.model.velocity_at
-        if self.is_planar or at is None:
+        model = self.plant.model
+        if self.is_planar or model.velocity_at is None:
             return self.input_set.radius
-        gain = np.linalg.norm(model.g(np.zeros(model.n))[at : at + 2], 2)
+        velocity = slice(model.velocity_at, model.velocity_at + 2)
+        gain = np.linalg.norm(model.g(np.zeros(model.n))[velocity], 2)
         return float(gain) * self.input_set.radius
 
     def _fit_alpha1(self) -> float:
         """Scale α₁ so that the robot can brake as its rows require; return the factor."""
         if not isinstance(self.plant.model, DoubleIntegrator):
             return 1.0
-        able = braking.weakest(self.input_set)
-        if able <= 0.0:
+        deceleration = braking.weakest(self.input_set)
+        if deceleration <= 0.0:
             raise InvalidInputError(
                 f"input set: got {self.input_set}, which holds no braking input in some direction; "
                 "expected 0 inside it, not on its edge"
             )
-        period = self.plant.period if self.settings.rows == "held" else None
+        if self.plant.braking is not None:
+            deceleration = min(deceleration, self.plant.braking)
         alphas = self.alpha1, self.alpha2, self.alpha_speed
         steepest = max(alpha.derivative(0.0) for alpha in alphas)
-        held = period is not None and steepest * period <= 1.0
-        brakes = able if self.plant.braking is None else min(able, self.plant.braking)
-        factor = braking.share(self._row_settings(held), brakes)
+        period = self.plant.period if self.settings.rows == "held" else None
+        held = period is not None and steepest * period <= 1.0  # if not, it is refused later
+        factor = braking.share(self._row_settings(held), deceleration)
         if factor < 1.0:
             self.alpha1 = self.alpha1.scaled(factor)
         if self.plant.axle is not None:
@@ -243,7 +255,7 @@ class FilterConfig:
         return factor
 
     def _axle_settings(self, held: bool) -> RowSettings:
-        """Return the settings of rows on a differential drive's axle."""
+        """Return the settings of rows on a differential drive's axle, see `_row_settings`."""
         assert self.plant.axle is not None
         period = self.plant.period if held else None
         return self._settings(period, self.plant.axle.hardest)
@@ -260,8 +272,8 @@ class FilterConfig:
             return self._settings()
         if self.plant.axle is not None:
             return self._settings(period, self.plant.axle.hardest_of_point)
-        low, high = input_limits(self.input_set)
-        return self._settings(period, self.input_set.radius, (low, high))
+        return self._settings(period, self.input_set.radius, input_limits(self.input_set))
 
-    def _settings(self, *limits: Any) -> RowSettings:
-        return RowSettings(self.alpha1, self.alpha2, *limits, alpha_speed=self.alpha_speed)
+    def _settings(self, *hold_and_limits: Any) -> RowSettings:
+        alphas = self.alpha1, self.alpha2
+        return RowSettings(*alphas, *hold_and_limits, alpha_speed=self.alpha_speed)

@@ -1,4 +1,4 @@
-"""From u* to u for N plants of any model: sample, rows, guidance, program, report."""
+"""Filters u* into u for N plants of any model: sample, rows, guidance, program, report."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from hcbf_gym.barriers.set import Condition
 from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
 from hcbf_gym.filter import solvers
 from hcbf_gym.filter.bound import NO_ROWS, Bound
-from hcbf_gym.filter.causes import cause_of, kind_of, warn_of
+from hcbf_gym.filter.causes import CauseFinder, warn_of_reason
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.conflict import conflict_of
 from hcbf_gym.filter.covering import EpisodeCoverage
@@ -28,25 +28,22 @@ from hcbf_gym.programs import ConflictReport, FilterStatus
 
 
 class FilterCore:
-    """The filter of N plants, behind the wrappers and the filters for loops of one's own.
+    """The filter of N plants, which `SafetyFilter`, `BatchFilter` and `VelocityFilter` call.
 
     A step takes a sample and the barriers, lets guidance lead, makes rows, solves the program and
-    reports. `Bound` does most of it in compiled code, or with a solver by name.
+    reports. `Bound` does most of it in compiled code.
 
     Attributes:
-        config: the settings, and what follows from them.
-        samples: the latest samples of the plants.
-        scenes: the barriers as they are now.
-        guide: leads the plants to their goals.
-        guides: whether it does, so that they need a goal.
-        coverage: whether the promise was tested for each plant.
+        config: the validated settings, and the constants that follow from them.
+        guides: whether there is guidance, so that plants need a goal.
+        samples, scenes, guide, coverage: the parts of the filter, see their classes.
 
     Args:
-        plant: of the environment.
+        plant: the model, readers and limits that all N plants share.
         input_set: U.
-        settings: of the filter, as the user gave them.
+        settings: the filter's arguments, as the user gave them.
         batch: N of a batch; None for one plant, whose arrays have no leading N.
-        threads: how many cores filter parts of a batch at once.
+        threads: how many threads filter parts of a batch at once.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -68,21 +65,22 @@ class FilterCore:
         self.samples = Samples(plant, input_set.n_u, self.count, apart=not config.is_planar)
         self.coverage = EpisodeCoverage(plant, self.count)
         self._bound = Bound(config, self.samples, batch, threads)
-        kind = PlanarRows if config.is_planar else ModelRows
-        self._rows = kind(config, self.samples, self._bound)
+        rows_class = PlanarRows if config.is_planar else ModelRows
+        self._rows = rows_class(config, self.samples, self._bound)
         self.guide = Guide(config, self.samples)
         self.guides = self.guide.guides
         self.scenes = Scenes(config, self.samples, self._rows, self.coverage)
-        self._warned: set[object] = {int(Reason.NONE)}  # the reasons that were warned of
-        self._m = -1  # there was no scene yet
-        self._looks = False  # whether `begin` is to take up what guidance needs, of all plants
+        self._causes = CauseFinder(self.samples, self.scenes, self.guide)
+        self._warned: set[object] = {int(Reason.NONE)}  # the reasons of earlier warnings
+        self._m = -1  # the number of barriers of a scene; there is no scene yet
+        self._looks_again = False  # whether `begin` guides all plants anew, not new episodes alone
         if not callable(plant.barriers):
             self.scenes.take_static(plant.barriers)
 
     @property
     def lost(self) -> str:
-        """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
-        return self.guide.why(np.ones(self.count, dtype=np.bool_))
+        """Why guidance finds no path for the first plant without one; "" if all have a path."""
+        return self.guide.why_lost(range(self.count))
 
     @property
     def conditions(self) -> list[Condition]:
@@ -90,7 +88,7 @@ class FilterCore:
         return self.scenes.current.conditions()
 
     def restart(self, mask: Mask) -> None:
-        """Begin new episodes of the masked plants (N,), without what was known of them."""
+        """Begin new episodes of the masked plants (N,): forget their states, shapes and steps."""
         self.join(mask)
         self.scenes.placing.forget(mask)
         self.samples.steps[mask] = 0.0
@@ -102,26 +100,27 @@ class FilterCore:
         self.scenes.forget(mask)
 
     def go_on_from(self, other: "FilterCore") -> bool:
-        """Let barriers count, and be compared, on from another filter of the same plants.
+        """Continue the times and the comparisons of barriers from another filter of these plants.
 
         Returns:
-            Whether the origin is another than it was, so that guidance has to begin again.
+            Whether positions count from another origin now, so that guidance has to begin again.
         """
-        before, self.samples.origin = self.samples.origin, other.samples.origin
+        previous, self.samples.origin = self.samples.origin, other.samples.origin
         self.scenes.go_on_from(other.scenes)
-        self._looks = before.is_decided and bool((before.at != other.samples.origin.at).any())
-        return self._looks
+        is_moved = bool((previous.at != other.samples.origin.at).any())
+        self._looks_again = previous.is_decided and is_moved
+        return self._looks_again
 
     def look_again(self) -> None:
-        """Let the next `begin` take up scenes, goals and extents; samples are not forgotten."""
-        self._looks = True
+        """Let guidance find new paths for all plants at the next `begin`; samples are kept."""
+        self._looks_again = True
 
     def leave_monitor(self) -> None:
-        """Compare no motion: the caller propagates states, and compares its own measurements."""
+        """Leave the comparison of predicted with measured motion to the caller."""
         self.config.constants["observed"] = False
 
     def cover(self, covered: object) -> None:
-        """Set the coverage of the episodes that begin; see `EpisodeCoverage.begin`."""
+        """Set whether the episodes that begin are covered; see `EpisodeCoverage.begin`."""
         self.coverage.begin(covered, self.samples.fresh)
 
     def begin(
@@ -135,13 +134,13 @@ class FilterCore:
     ) -> Info:
         """Take the first states of new episodes, and return the report of a reset.
 
-        The report is that of a step with u* = 0, whose input is not applied and which is undone.
+        The report is that of a step with u* = 0. The step is then undone, as no input is applied.
 
         Args:
             barriers: as the plants' reader returns them.
-            estimate: of the plants.
-            goal: where guidance leads [m].
-            extent: of the world [m]; None if it is not known.
+            estimate: the first states of the plants.
+            goal: (2,) or (N, 2) the position to which guidance leads [m].
+            extent: ((x_min, y_min), (x_max, y_max)) of the world [m]; None if it is not known.
             since: as in `step`.
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
         """
@@ -150,19 +149,19 @@ class FilterCore:
         refusal = self.scenes.refusal
         if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
             raise refusal  # the plants brake if no input reaches a barrier, or its code fails
-        fresh = self.samples.fresh
-        begun = fresh | self._looks
+        begins = self.samples.fresh | self._looks_again
         if self.config.is_planar:
             scenes = self.scenes.current
-            self.coverage.check_scenes(self.scenes.check(scenes.of(begun)), begun)
-            self.guide.begin(scenes, World(goal, extent), begun, is_first)
-        fresh[:] = self._looks = False
-        snapshot, counted = self._rows.snapshot(), self.samples.steps.copy()
+            self.coverage.check_scenes(self.scenes.check(scenes.of(begins)), begins)
+            self.guide.begin(scenes, World(goal, extent), begins, is_first)
+        self.samples.fresh[:] = self._looks_again = False
+        snapshot, steps = self._rows.snapshot(), self.samples.steps.copy()
         n_u = self.input_set.n_u
-        zero = np.zeros(n_u if self._alone else (self.count, n_u))
-        u, report = self.step(zero, barriers, estimate, since, counts=False)
+        u_nominal = np.zeros(n_u if self._alone else (self.count, n_u))
+        u, report = self.step(u_nominal, barriers, estimate, since, counts=False)
         self._rows.restore(snapshot)
-        self.samples.steps[:] = counted
+        self.samples.steps[:] = steps
+        # all lower statuses compare u with u*, and no input has been chosen yet
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
         for key in ("slack", "delta", "intervention", "fallbacks"):
@@ -183,47 +182,47 @@ class FilterCore:
         Args:
             u_nominal: (n_u,) u* of one plant, or (N, n_u) of a batch.
             barriers: as the plants' reader returns them.
-            estimate: of the plants.
+            estimate: the present states of the plants.
             since: the time from which changed shapes count [s]; None is the present.
-            world: goal and extent as they are now; None is as they were.
-            counts: whether undeclared motion of this step counts; not of one that is undone.
+            world: the present goal and extent; None if they have not changed.
+            counts: whether undeclared motion counts; False for a step that is undone.
         """
-        report = self._bound
+        bound = self._bound
         if not self._alone:
-            report.renew()  # the user has the memory of the last report
+            bound.renew()  # the user has the memory of the last report
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since, counts=counts)
-        scene = self.scenes.current
+        scenes = self.scenes.current
         if self.coverage.is_new or not self._alone:
-            self.coverage.write(report.plants)
-        if scene.kind.shape[1] != self._m:
-            self._m = scene.kind.shape[1]
-            report.resize(self._m, self._m + self.guide.has_row)
+            self.coverage.write(bound.plants)
+        if scenes.kind.shape[1] != self._m:
+            self._m = scenes.kind.shape[1]
+            bound.resize(self._m, self._m + self.guide.has_row)
             self._rows.resize(self._m)
-        report.u_nominal[...] = u_nominal
+        bound.u_nominal[...] = u_nominal
         if self.guides:
-            self.guide.lead(scene, report.u_nominal, world)
-        own = NO_ROWS
-        if scene.own or not self.config.is_planar:
-            own = self._rows.make(scene, u_nominal)
-        result = report.filter(scene, own)
+            self.guide.lead(scenes, bound.u_nominal, world)
+        python_rows = NO_ROWS
+        if scenes.own or not self.config.is_planar:
+            python_rows = self._rows.make(scenes, u_nominal)
+        result = bound.filter(scenes, python_rows)
         if result in (solvers.NOT_FINITE, solvers.MISSHAPED):
             self._refuse(result, u_nominal)
         if estimate.time is None:
             self.samples.steps += 1.0
         if result == solvers.DUE:
             self._brake_and_warn(estimate)
-        reported = report.report()
-        return reported["u_safe"], reported
+        report = bound.report()
+        return report["u_safe"], report
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
-        """Return which `conditions` no input of U met together at the last step of plant i.
+        """Return which `conditions` of plant i no input of U met together at the last step.
 
-        It is None if one input met all, or the state of the plant was not accepted.
+        None if one input met all of them, or the plant's state was not accepted.
         """
         if not 0 <= i < self.count:
             raise InvalidInputError(f"i: got {i}, expected a plant from 0 to {self.count - 1}")
-        if 0 < self._bound.plants["reason"][i] < FIRST_ALARM:
+        if Reason.NONE < self._bound.plants["reason"][i] < FIRST_ALARM:
             return None
         return conflict_of(self._bound, i, None if self.plant.axle else self.input_set)
 
@@ -234,34 +233,38 @@ class FilterCore:
                 f"barriers: got scenes of the shape {self.scenes.current.kind.shape} for "
                 f"{self.count} plants, expected one for each, of ranks from 1 to {LOWEST_RANK}"
             )
-        bad = ~np.isfinite(np.atleast_2d(u_nominal)).all(axis=1)
-        raise InvalidInputError(
-            f"action: got {shown(np.atleast_2d(u_nominal)[bad].tolist())} for the plants "
-            f"{shown(np.flatnonzero(bad).tolist())}, expected finite numbers"
-            if self.count > 1
-            else f"action: got {u_nominal.tolist()}, expected finite numbers"
-        )
+        if self.count == 1:
+            values = str(u_nominal.tolist())
+        else:
+            is_bad = ~np.isfinite(u_nominal).all(axis=1)
+            plants = np.flatnonzero(is_bad).tolist()
+            values = f"{shown(u_nominal[is_bad].tolist())} for the plants {shown(plants)}"
+        raise InvalidInputError(f"action: got {values}, expected finite numbers")
 
     def _brake_and_warn(self, estimate: Estimate) -> None:
-        """Apply the user's own brake, and warn of reasons."""
+        """Apply the user's own brake, and warn of each reason that was not warned of before."""
         reports, rows = self._bound.plants, self._bound.rows
         if self.plant.brake is not None:
             for i in np.flatnonzero(reports["status"] == FilterStatus.BACKUP):
-                u = self._users_brake(int(i)).astype(self.config.dtype)
+                u = self._own_braking_input(int(i)).astype(self.config.dtype)
                 reports["u_safe"][i] = self.samples.input[i] = u
                 reports["intervention"][i] = np.linalg.norm(u - reports["u_nominal"][i])
                 rows["slack"][i] = rows["delta"][i] = 0.0
-        reasons = reports["reason"].tolist()
-        for reason in sorted(set(reasons) - self._warned):
-            parts = estimate, self.samples, self.scenes, self.guide
-            cause = cause_of(reason, reports["reason"], *parts)
-            kind = kind_of(reason, cause)
-            if kind not in self._warned:
-                self._warned.add(kind)
-                warn_of(reason, reasons.count(reason), cause, self.config.brakes_on_alarm)
+        reasons = reports["reason"]
+        for code in sorted(set(reasons.tolist()) - self._warned):
+            warning = code
+            if code == Reason.AGE:  # one warning of each source that is too old, or ahead
+                age = self.samples.wrong_age
+                warning = (code, age and (age.source, age.age < 0.0))
+            if warning not in self._warned:
+                self._warned.add(warning)
+                reason, plants = Reason(code), reasons == code
+                cause = self._causes.find(reason, plants, estimate)
+                count = int(plants.sum())
+                warn_of_reason(reason, cause, count, self.config.brakes_on_alarm)
 
-    def _users_brake(self, i: int) -> Array:
-        """Return the input of U nearest the user's brake (n_u,), or nearest 0 if it is invalid."""
+    def _own_braking_input(self, i: int) -> Array:
+        """Return the input of U nearest to plant i's own brake, or to 0 if that is invalid."""
         n_u = self.input_set.n_u
         brake: Any = self.plant.brake
         if callable(brake):

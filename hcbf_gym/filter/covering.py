@@ -1,7 +1,7 @@
 """The coverage of N plants during their episodes: whether the promise was tested for each plant.
 
 `certified` defines *covered*. An episode is covered from its beginning, or not at all. It loses its
-coverage when the plant or the scene leaves what was tested, and never regains it.
+coverage when the plant or the scene leaves the tested ranges, and never regains it.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from hcbf_gym.filter.certified import CertificateCoverage
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
 DEFAULT_REASONS = np.array([CoveredBy.UNKNOWN, CoveredBy.NONE, CoveredBy.SCENE])
-"""The `CoveredBy` of each `Coverage`, by its number, where a plant gives no reason."""
+"""The `CoveredBy` of each `Coverage`, by its number, if a plant gives no reason."""
 
 
 class EpisodeCoverage:
@@ -79,7 +79,7 @@ class EpisodeCoverage:
 
     def _judged(self, covered: object) -> Judged:
         """Return coverage and reason as (N,) arrays; refuse other values than a `Coverage`."""
-        judged, shape = covered if isinstance(covered, Judged) else None, self._coverage.shape
+        shape, judged = self._coverage.shape, covered if isinstance(covered, Judged) else None
         coverage = as_array("covered", covered if judged is None else judged.covered)
         is_valid = coverage.dtype.kind in "iu" and np.isin(coverage, list(Coverage)).all()
         if not is_valid or coverage.shape not in ((), shape):

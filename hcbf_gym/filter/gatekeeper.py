@@ -1,6 +1,7 @@
-"""A gatekeeper's settings, and manoeuvres of one's own.
+"""The settings of a gatekeeper, and the manoeuvres that users register.
 
-`core/include/hcbf/gatekeeper.hpp` has the law, and `docs/gatekeeper.md` what it promises.
+A gatekeeper satisfies strict conditions by manoeuvres that bring the robot to rest. Its law is in
+`core/include/hcbf/gatekeeper.hpp`, and `docs/gatekeeper.md` proves its promise.
 """
 
 import math
@@ -29,8 +30,8 @@ from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 Manoeuvre = Callable[[Array, int], ArrayLike]
-"""A feedback law: the state x (4,) at a sample, and how many samples ago the manoeuvre began → u
-(2,), of which the filter takes the nearest input of U."""
+"""A feedback law of the state x (4,) at a sample, and of the number of samples since the manoeuvre
+began. It returns u (2,), and the filter takes the nearest input of U."""
 
 _OWN: dict[str, Manoeuvre] = {}
 
@@ -39,12 +40,13 @@ def register(name: str, manoeuvre: Manoeuvre) -> None:
     """Name a manoeuvre of one's own for ``strict={"kind": "gatekeeper", "manoeuvres": [name]}``.
 
     It has to bring the robot to rest within 1000 samples. It is called for every sample of every
-    path that is looked at, some 100 a step, so that a step takes milliseconds. The lemma of
+    path that is verified, some 100 a step, so that a step takes milliseconds. The lemma of
     `docs/gatekeeper.md` holds for it if two of its paths get no farther apart in velocity.
 
     Args:
-        name: that is not taken.
-        manoeuvre: x (4,), samples since it began → u (2,) [m/s²].
+        name: a name that is not taken.
+        manoeuvre: the function of x (4,) and the samples since it began, which returns u (2,)
+            [m/s²].
 
     Raises:
         InvalidInputError: if the name is taken or empty, or `manoeuvre` is no function.
@@ -60,29 +62,29 @@ def register(name: str, manoeuvre: Manoeuvre) -> None:
 
 
 class Gate(NamedTuple):
-    """What a user asked of a gatekeeper.
+    """The manoeuvres of a gatekeeper.
 
     Attributes:
-        directions: k, into how many directions its manoeuvres accelerate.
-        names: of manoeuvres of one's own, which come after braking.
+        directions: k, the number of directions into which its manoeuvres accelerate.
+        names: the names of registered manoeuvres, which are tried after braking.
     """
 
     directions: int
     names: tuple[str, ...]
 
-    def input(self, which: int, x: tuple[float, ...], begun: int) -> tuple[float, float]:
-        """Return u of a manoeuvre of one's own; NaN where it fails, so that none follows it."""
-        name = self.names[which]
+    def input(self, index: int, x: tuple[float, ...], begun: int) -> tuple[float, float]:
+        """Return u of a registered manoeuvre, which the core calls; NaN ends its path."""
+        name = self.names[index]
         try:
             u = np.asarray(_OWN[name](np.array(x), begun), dtype=np.float64)
             return float(u[0]), float(u[1])
-        except Exception as error:  # whatever a user's own code raises
+        except Exception as error:  # a user's own code may raise anything
             warn_caller(f"safety filter: the manoeuvre {name!r} raised {error!r}", SafetyWarning)
             return math.nan, math.nan
 
 
 def read(strict: object) -> Gate | None:
-    """Return the gatekeeper of `FilterSettings.strict`; None for rows.
+    """Return the gatekeeper that `FilterSettings.strict` requests; None if it requests rows.
 
     Raises:
         UnknownNameError: if a name is not known; the message lists the choices.
@@ -90,7 +92,8 @@ def read(strict: object) -> Gate | None:
     """
     options: dict[str, Any] = dict(strict) if isinstance(strict, Mapping) else {"kind": strict}
     kind = options.get("kind", "gatekeeper")
-    if not choose("strict", kind, {"rows": False, "gatekeeper": True}):
+    is_gatekeeper = choose("strict", kind, {"rows": False, "gatekeeper": True})
+    if not is_gatekeeper:
         check_options("strict 'rows'", options, ("kind",))
         return None
     check_options("strict 'gatekeeper'", options, ("kind", "directions", "manoeuvres"))
@@ -102,12 +105,7 @@ def read(strict: object) -> Gate | None:
 
 
 def check_plant(plant: Plant, settings: FilterSettings) -> None:
-    """Refuse what a gatekeeper is not made for.
-
-    Raises:
-        InvalidInputError: of another model or a differential drive, without a period, and with a
-            solver by name.
-    """
+    """Refuse plants and settings for which no manoeuvre is verified."""
     wrong = ""
     if plant.model != DoubleIntegrator():
         wrong = f"{type(plant.model).__name__}, expected the planar DoubleIntegrator()"
@@ -122,39 +120,34 @@ def check_plant(plant: Plant, settings: FilterSettings) -> None:
 
 
 def check_scene(scene: BarrierSet) -> None:
-    """Refuse conditions that no manoeuvre is verified against.
-
-    Raises:
-        InvalidInputError: of a map, and of a strict condition of the user's own.
-    """
-    own = np.isin(scene.kind, (layout.CUSTOM,)) & (scene.priority == 1)
-    mapped = np.isin(scene.kind, (layout.MAPPED, layout.ZONES))
-    for wrong, what in ((own, "a strict condition of your own"), (mapped, "a class of a map")):
-        if wrong.any():
-            i, k = np.argwhere(wrong)[0].tolist()
+    """Refuse conditions against which no manoeuvre is verified."""
+    is_own_strict = (scene.kind == layout.CUSTOM) & (scene.priority == 1)
+    is_mapped = np.isin(scene.kind, (layout.MAPPED, layout.ZONES))
+    refused = {"a strict condition of your own": is_own_strict, "a class of a map": is_mapped}
+    for description, mask in refused.items():
+        if mask.any():
+            i, k = np.argwhere(mask)[0].tolist()
             name = scene.conditions(i)[k].name
             raise InvalidInputError(
-                f"strict 'gatekeeper': got {name!r}, {what}, whose bound between samples is not "
-                'known, expected built-in shapes and speed limits: SafetyFilter(env, strict="rows")'
+                f"strict 'gatekeeper': got {name!r}, {description}, whose bound between samples is "
+                "not known, expected built-in shapes and speed limits: "
+                'SafetyFilter(env, strict="rows")'
             )
 
 
 def constants(gate: Gate | None, plant: Plant, margin: float | None) -> dict[str, object]:
-    """Return what compiled code never changes, by its names in `plants.CONSTANTS`.
+    """Return the constants of a gatekeeper by their names in `plants.CONSTANTS`; none for rows.
 
-    Args:
-        gate: None for rows.
-        plant: what it is.
-        margin: given by hand, which bounds no error [m]; None for none.
+    The errors of states are those that the plant declares. A `margin` by hand [m] bounds no error.
     """
     if gate is None:
         return {}
-    known = plant.uncertainty
+    declared = plant.uncertainty
     return {
         "gates": True,
         "directions": gate.directions,
         "laws": len(gate.names),
-        "position_error": known.distance if margin is None else 0.0,
-        "velocity_error": known.speed if margin is None else 0.0,
+        "position_error": declared.distance if margin is None else 0.0,
+        "velocity_error": declared.speed if margin is None else 0.0,
         "longest": math.inf if plant.max_age is None else plant.max_age,
     }

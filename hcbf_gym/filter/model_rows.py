@@ -1,9 +1,10 @@
 """Rows of N plants of any model other than the planar double integrator.
 
-A compiled step compares each sample with what the model predicted, raises alarms, chooses braking
-inputs and makes rows from f, g and the jets of barriers. Python evaluates users' own barriers.
+A compiled step compares each sample with the model's prediction, raises alarms, chooses braking
+inputs, and makes rows from f, g and the jets of barriers. Python evaluates users' own barriers.
 """
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 
 class ModelRows:
-    """Makes the rows of all barriers. `PlanarRows` does the same for planar double integrators.
+    """Makes the rows of all barriers. `PlanarRows` has the same methods for its model.
 
     Raises:
         InvalidInputError: if an uncertainty is declared that has no meaning for the model.
@@ -52,7 +53,7 @@ class ModelRows:
         self.resize(0)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the attributes for a copy, with the memory of the step in place of the step."""
+        """Return the attributes for a copy, with the memory of the compiled step in its place."""
         return {**vars(self), "_step": self._step.memory()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -61,28 +62,29 @@ class ModelRows:
         self._step.restore(state["_step"])
 
     def _make_step(self) -> _core.ModelStep:
-        """Return the compiled step, which reads samples and writes rows."""
-        config, plant, u_set = self._config, self._config.plant, self._config.input_set
-        nothing, model = np.zeros(0), plant.model
-        limits = nothing, nothing, u_set.vertices().ravel()
-        if isinstance(u_set, Box):
-            limits = u_set.low, u_set.high, nothing
+        """Return the compiled step, which reads the samples and writes the rows."""
+        config, plant, input_set = self._config, self._config.plant, self._config.input_set
+        model, unused = plant.model, np.zeros(0)
+        if isinstance(input_set, Box):
+            low, high, vertices = input_set.low, input_set.high, unused
+        else:
+            low, high, vertices = unused, unused, input_set.vertices().ravel()
         return _core.ModelStep(
-            compiled(model),
-            np.array(config.reserve.settings),
-            self._general_rows.alphas,
-            limits,
-            largest_inputs(u_set),
-            ~driven_by_inputs_alone(model),
-            u_set.radius,
-            plant.uncertainty.confidence,
-            plant.period or 0.0,
-            -1 if model.velocity_at is None else model.velocity_at,
-            config.count,
+            model=compiled(model),
+            uncertainty=np.array(config.reserve.settings),
+            alphas=self._general_rows.alphas,
+            inputs=(low, high, vertices),
+            largest=largest_inputs(input_set),
+            steered=~driven_by_inputs_alone(model),
+            radius=input_set.radius,
+            confidence=plant.uncertainty.confidence,
+            period=plant.period or 0.0,
+            velocity_at=-1 if model.velocity_at is None else model.velocity_at,
+            count=config.count,
         )
 
     def check(self, barriers: object, given: BarrierSet) -> None:
-        """Refuse barriers that have no rows of this model."""
+        """Refuse barriers, and the set that was read from them, if this model has no such rows."""
         if isinstance(barriers, BarrierSet):
             raise InvalidInputError(
                 f"plant: got the scenes of an environment with {self._config.plant.model}, "
@@ -90,75 +92,81 @@ class ModelRows:
                 "alone"
             )
         for scene in given.listed:
-            if not all(isinstance(one, Barrier) for one in scene):
+            if not all(isinstance(barrier, Barrier) for barrier in scene):
                 raise InvalidInputError(
                     f"barriers: got {scene!r}, expected a sequence of objects of classes derived "
                     "from hcbf_gym.barriers.Barrier"
                 )
-            mapped = [one.name for one in scene if isinstance(one, Mapped)]
+            mapped = [barrier.name for barrier in scene if isinstance(barrier, Mapped)]
             if mapped:
                 raise InvalidInputError(
                     f"barriers: got the classes {mapped} of a map, expected them for a plant of "
                     "the planar double integrator: only its rows look beyond the nearest piece"
                 )
 
-    def moves(self, scene: BarrierSet) -> bool:
+    def moves(self, scenes: BarrierSet) -> bool:
         """Return whether a barrier of N scenes depends on time."""
-        distinct = {id(one): one for listed in scene.listed for one in listed}
         n = self._config.plant.model.n
-        return any(reads_time(one, n) for one in distinct.values() if isinstance(one, Barrier))
+        distinct = {id(barrier): barrier for scene in scenes.listed for barrier in scene}
+        barriers = (barrier for barrier in distinct.values() if isinstance(barrier, Barrier))
+        return any(reads_time(barrier, n) for barrier in barriers)
 
     def resize(self, m: int) -> None:
         """Allocate the rows (N, m, WIDTH + n_u) of scenes of m barriers."""
-        self._rows = PackedRows(
-            np.zeros((self._config.count, m, WIDTH + self._config.input_set.n_u))
-        )
+        shape = self._config.count, m, WIDTH + self._config.input_set.n_u
+        self._rows = PackedRows(np.zeros(shape))
         self._is_bound = False
 
     def snapshot(self) -> Snapshot:
-        """Return a copy of the plants' records and of the step's memory, for `restore`."""
-        return self._samples.snapshot()._replace(step=self._step.memory())
+        """Return a copy of the samples and of the compiled step's memory, for `restore`."""
+        return self._samples.snapshot()._replace(model_step=self._step.memory())
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Set records and memory back to a snapshot."""
+        """Set the samples and the compiled step's memory back to a snapshot."""
         self._samples.restore(snapshot)
-        self._step.restore(snapshot.step)
+        self._step.restore(snapshot.model_step)
 
-    def accept(self, scene: BarrierSet) -> ReachedBarriers:
-        """Prepare changed scenes; return their barriers and how inputs reach them."""
+    def accept(self, scenes: BarrierSet) -> ReachedBarriers:
+        """Prepare changed scenes; return their distinct barriers and how inputs reach them."""
         self._prepared = None
-        first: Any = scene.listed[0]
-        same = all(listed is first for listed in scene.listed)
-        scenes: Any = [first] * self._config.count if same else scene.listed
+        first: Any = scenes.listed[0]
         if not self._warned_of_concave:
             self._warned_of_concave = True
-            own = [one for one in first if isinstance(one, Function)]
-            warn_of_concave(own, self._config.plant.model)
-        prepared = self._general_rows.prepare(scenes)
-        placed = scene.is_region  # these shapes are where they are at time 0
-        prepared.scenes.parameters[placed] = scene.parameters[placed]
-        reaches = [reach for one in prepared.reaches for reach in one]
+            functions = [barrier for barrier in first if isinstance(barrier, Function)]
+            warn_of_concave(functions, self._config.plant.model)
+        listed: Any = scenes.listed
+        if all(scene is first for scene in listed):
+            listed = [first] * self._config.count
+        prepared = self._general_rows.prepare(listed)
+        # regions are placed as of time 0, unlike the objects that were returned or set
+        is_region = scenes.is_region
+        prepared.scenes.parameters[is_region] = scenes.parameters[is_region]
+        reaches = list(chain.from_iterable(prepared.reaches))
         period = self._config.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
             check_hold(period, alpha1=self._config.alpha1)
         self._prepared, self._is_bound = prepared, False
         distinct: Any = prepared.scenes.listed[: len(prepared.reaches)]
-        return ReachedBarriers([one for entries in distinct for one in entries], reaches)
+        return ReachedBarriers(list(chain.from_iterable(distinct)), reaches)
 
-    def evaluate_previous(self, scene: BarrierSet) -> bool:
-        """Return False: rows of other models are not evaluated for the scenes until now."""
+    def evaluate_previous(self, scenes: BarrierSet) -> bool:
+        """Return False: only `PlanarRows` evaluates the scenes until now."""
         return False
 
-    def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
-        """Return the rows at the present samples, whose states and motion are checked first."""
+    def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
+        """Return the rows (N, m, WIDTH + n_u) of accepted scenes at the present samples and u*.
+
+        States and motion are checked first. No rows are made if u* (N, n_u) is not finite.
+        """
         self._kinks.u = u_nominal
         prepared, core = self._prepared, self._bound.core
-        if core.sense(self._step, self._samples.has_parts) and prepared is not None:
+        is_finite = core.sense(self._step, self._samples.is_uncertain)
+        if is_finite and prepared is not None:
             if not self._is_bound:
                 self._bind(prepared)
             entries = prepared.entries
             if entries:
-                self._write(prepared, entries)
+                self._make_in_python(prepared, entries)
             else:
                 core.make_rows(self._step)
         return self._rows.numbers
@@ -170,27 +178,29 @@ class ModelRows:
         self._step.bind(*prepared.built_in, margins, self._rows.numbers)
         self._is_bound = True
 
-    def _write(self, prepared: Prepared, entries: list[Entry]) -> None:
-        """Write the rows of scenes in which Python evaluates `entries`."""
+    def _make_in_python(self, prepared: Prepared, entries: list[Entry]) -> None:
+        """Write the rows of scenes in which Python evaluates the barriers of `entries`."""
         states, time, reserve = self._samples.states, self._samples.time, self._config.reserve
         uncertain = UncertainStates(states.x, time, states.model, states.lag, states.covariance)
-        sloping = entries if self._samples.has_parts or reserve.is_steep else []
+        # only margins for an error of the position depend on slopes
+        sloping = entries if self._samples.is_uncertain or reserve.is_steep else []
         m = self._rows.numbers.shape[1]
         with np.errstate(all="ignore"):
             self._step.reserve(*slopes_of(sloping, uncertain, reserve.settings, m))
-            at = States(states.x, time, *self._step.terms())
-            self._general_rows.write(prepared, at, self._rows)
+            at_states = States(states.x, time, *self._step.terms())
+            self._general_rows.write(prepared, at_states, self._rows)
 
     def _check_uncertainty(self) -> None:
         """Refuse an uncertainty that has no meaning for the model."""
         model, declared = self._config.plant.model, self._config.plant.uncertainty
-        reasons: dict[str, str] = {}
+        meaningless: dict[str, str] = {}  # field of `Uncertainty` → why
         if model.velocity_at != 2:
-            without = "it has no velocity in x[2:4] that a speed limit reads"
-            reasons = {"speed": without, "speed_per_velocity": without}
+            no_velocity = "it has no velocity in x[2:4] that a speed limit reads"
+            meaningless = {"speed": no_velocity, "speed_per_velocity": no_velocity}
         if declared.per_velocity > 0.0 and not has_drift(model):
-            reasons["per_velocity"] = "its velocity is the input, so that no body lags behind it"
-        for name, reason in reasons.items():
+            reason = "its velocity is the input, so that no body lags behind it"
+            meaningless["per_velocity"] = reason
+        for name, reason in meaningless.items():
             value = getattr(declared, name)
             if value > 0.0:
                 raise InvalidInputError(
@@ -200,20 +210,20 @@ class ModelRows:
 
 def has_drift(model: ReducedOrderModel) -> bool:
     """Return whether the velocity under one input differs between sampled states."""
-    f, g = model.terms_of(samples(model)[0])
-    return bool(np.ptp(f[:, : model.n_p], axis=0).any() or np.ptp(g[:, : model.n_p], axis=0).any())
+    terms = model.terms_of(samples(model)[0])
+    return any(np.ptp(term[:, : model.n_p], axis=0).any() for term in terms)
 
 
 def driven_by_inputs_alone(model: ReducedOrderModel) -> Mask:
-    """Return (n,) the states that an input drives at once, and that have and cause no drift."""
+    """Return (n,) which entries of x inputs drive directly, and f neither moves nor depends on."""
     states, _ = samples(model)
     is_driven = np.zeros(model.n, dtype=np.bool_)
-    drifts = np.zeros(model.n, dtype=np.bool_)
+    has_part_in_drift = np.zeros(model.n, dtype=np.bool_)
     for x in states:
         f = model.f(x)
         is_driven |= (model.g(x) != 0.0).any(axis=1)
-        drifts |= f != 0.0
+        has_part_in_drift |= f != 0.0
         for k in range(model.n):
-            moved = x + 0.1 * (np.arange(model.n) == k)
-            drifts[k] |= bool((model.f(moved) != f).any())
-    return is_driven & ~drifts
+            shifted = x + 0.1 * (np.arange(model.n) == k)
+            has_part_in_drift[k] |= bool((model.f(shifted) != f).any())
+    return is_driven & ~has_part_in_drift

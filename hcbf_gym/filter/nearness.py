@@ -1,4 +1,4 @@
-r"""Whether a region comes nearer than its declared velocity explains, by more than its margin.
+r"""Finds regions that come nearer than their declared velocity explains, by more than the margin.
 
 When barriers change, each region is evaluated twice at the present state: ĥ is the region as it was
 before, propagated with its velocity, and h the region as it is now. Neither contains the robot's
@@ -7,10 +7,11 @@ motion, so that the undeclared approach is d = ĥ − h. It is counted as
 .. math::
     g ← \min(\max(g + d − r T, 0), 2\, l), \qquad r = 0.02 + 0.1 ‖w‖, \qquad l = 2 n,
 
-with d averaged over `SMOOTHS`, the period T, the declared velocity w, and the declared error n of a
-position. The reason is MOVES while g > l. Errors of at most n change the sum of all d by 2 n at
-most, so that g of a region at rest stays below l; so do normal errors of n/3. r forgives errors of
-a velocity. g ends at 2 l, so that the reason ends within seconds after the region came to rest.
+with d averaged over `AVERAGING_TIME`, the period T, the declared velocity w, and the declared error
+n of a position. The reason is MOVES while g > l. Errors of at most n change the sum of all d by at
+most 2 n, so that g of a region at rest stays below l. The same holds for normal errors of n/3. The
+rate r forgives errors of a velocity. Because g is at most 2 l, the reason ends within seconds after
+the region came to rest.
 """
 
 import math
@@ -26,12 +27,15 @@ from hcbf_gym.barriers.many import Flat
 from hcbf_gym.barriers.set import BarrierSet, places_of
 from hcbf_gym.errors import UNREADABLE
 
-SMOOTHS = 0.1
+AVERAGING_TIME = 0.1
 """Time constant over which undeclared approach is averaged [s]."""
-FORGIVEN, OF_SPEED = 0.02, 0.1
-"""r at no declared speed [m/s], and its share of the declared speed."""
-LEAST = 1e-3
-"""l where no error of a position is declared [m]."""
+FORGIVEN_SPEED, FORGIVEN_SHARE = 0.02, 0.1
+"""r without a declared velocity [m/s], and the share of the declared speed that is added [-]."""
+LEAST_LIMIT = 1e-3
+"""l if no error of a position is declared [m]."""
+NEGLIGIBLE = LEAST_LIMIT**2
+"""An approach of no effect, by which its counting ends [m]."""
+_NO_SOURCE = -1
 _VELOCITY = [layout.VELOCITY_X, layout.VELOCITY_Y]
 
 
@@ -39,51 +43,53 @@ class Nearness:
     """The undeclared approach of m regions to each of N plants.
 
     Attributes:
-        is_some: whether there is any.
+        is_some: whether any approach is counted, or to be counted.
     """
 
     def __init__(self, count: int):
-        self._uncounted: Array = np.zeros((count, 0))  # d that averaging has not counted yet [m]
+        self._pending: Array = np.zeros((count, 0))  # d that averaging has not counted yet [m]
         self._counted: Array = np.zeros((count, 0))  # g [m]
-        self._forgiven: Array = np.zeros((count, 0))  # r [m/s]
+        self._forgiven_rate: Array = np.zeros((count, 0))  # r [m/s]
         self.is_some = False
 
     def forget(self, mask: Mask) -> None:
         """Clear what was counted for the masked plants (N,)."""
-        self._uncounted[mask] = self._counted[mask] = 0.0
+        self._pending[mask] = self._counted[mask] = 0.0
 
     def compare(
         self, before: BarrierSet, now: BarrierSet, x: Array, t: Array, changed: Mask, valid: Mask
     ) -> None:
-        """Add by how much regions are nearer now that barriers have changed.
+        """Add the approach of regions by a change of barriers, to be counted by `moves`.
 
         Args:
             before: the scenes until now, as of time 0.
             now: the scenes from now on, as of time 0.
             x: (N, n) states, the position first.
             t: (N,) times [s].
-            changed: (N,) the plants whose barriers are others.
-            valid: (N,) the plants whose states are valid.
+            changed: (N,) the plants with other barriers than before.
+            valid: (N,) the plants whose states can be compared.
         """
         speed = np.linalg.norm(now.parameters[..., _VELOCITY], axis=2) * now.is_region
-        self._forgiven = FORGIVEN + OF_SPEED * speed
+        self._forgiven_rate = FORGIVEN_SPEED + FORGIVEN_SHARE * speed
         if not before.kind.size or not now.kind.size:
-            self._uncounted, self._counted = np.zeros((2, *now.kind.shape))
+            self._pending, self._counted = np.zeros((2, *now.kind.shape))
             return
         h_before, h_now = _heights(before, x, t), _heights(now, x, t)
         source = _sources(before, now, h_before, t, changed)
         for (i, k), barrier in now.own.items():
-            previous = before.own.get((i, int(source[i, k])))
+            k_before = int(source[i, k])
+            previous = before.own.get((i, k_before))
             if previous is not None and previous is not barrier and barrier.reads_position:
-                h_before[i, source[i, k]] = _height(previous, x[i], float(t[i]))
+                h_before[i, k_before] = _height(previous, x[i], float(t[i]))
                 h_now[i, k] = _height(barrier, x[i], float(t[i]))
         with np.errstate(invalid="ignore"):
-            nearer = _at_source(h_before, source) - h_now
-        is_known = (valid & changed)[:, None] & (source >= 0) & np.isfinite(nearer)
-        self._uncounted = _at_source(self._uncounted, source)
+            approach = _at_source(h_before, source) - h_now
+        has_source = source != _NO_SOURCE
+        is_known = (valid & changed)[:, None] & has_source & np.isfinite(approach)
+        self._pending = _at_source(self._pending, source)
         self._counted = _at_source(self._counted, source)
-        self._uncounted[is_known] += nearer[is_known]
-        self.is_some = bool(self._uncounted.any() or self._counted.any())
+        self._pending[is_known] += approach[is_known]
+        self.is_some = bool(self._pending.any() or self._counted.any())
 
     def moves(self, elapsed: Array, error: Array) -> Mask:
         """Count the approach of a step, and return which regions move undeclared (N, m).
@@ -92,19 +98,20 @@ class Nearness:
             elapsed: (N,) T, the time since the sample before [s]; 0 where it is not known.
             error: (N,) n, the declared error of a position [m].
         """
-        limit = np.maximum(2.0 * error, LEAST)[:, None]
+        limit = np.maximum(2.0 * error, LEAST_LIMIT)[:, None]
         with np.errstate(divide="ignore"):
-            share = np.where(elapsed > 0.0, -np.expm1(-elapsed / SMOOTHS), 1.0)[:, None]
-        approach = share * self._uncounted
-        self._uncounted -= approach
-        grown = self._counted + approach - self._forgiven * elapsed[:, None]
+            average_share = -np.expm1(-elapsed / AVERAGING_TIME)
+        average_share = np.where(elapsed > 0.0, average_share, 1.0)[:, None]
+        approach = average_share * self._pending
+        self._pending -= approach
+        grown = self._counted + approach - self._forgiven_rate * elapsed[:, None]
         self._counted = np.clip(grown, 0.0, 2.0 * limit)
-        self.is_some = bool(self._counted.any() or (np.abs(self._uncounted) > LEAST**2).any())
+        self.is_some = bool(self._counted.any() or (np.abs(self._pending) > NEGLIGIBLE).any())
         return self._counted > limit
 
 
 def _at_source(values: Array, source: Integers) -> Array:
-    """Return values (N, k) at the places `source` (N, m) before; 0 where there was none (−1)."""
+    """Return values (N, k) at the indices `source` (N, m); 0 for `_NO_SOURCE`, the last column."""
     return np.take_along_axis(np.hstack([values, np.zeros((len(values), 1))]), source, axis=1)
 
 
@@ -118,9 +125,9 @@ def _heights(scenes: BarrierSet, x: Array, t: Array) -> Array:
 
 
 def _height(barrier: Barrier, x: Array, t: float) -> float:
-    """Return h of a user's own barrier; NaN if it does not read the position or is unreadable.
+    """Return h of a user's own barrier; NaN if it is unreadable or does not read the position.
 
-    Where a user lowers h of a condition on the speed, nothing has moved.
+    A lower h of a condition on the speed does not mean that something has moved.
     """
     try:
         jet = barrier.jet(x, t)
@@ -132,41 +139,44 @@ def _height(barrier: Barrier, x: Array, t: float) -> float:
 def _sources(
     before: BarrierSet, now: BarrierSet, h_before: Array, t: Array, changed: Mask
 ) -> Integers:
-    """Return (N, m) the place before of each barrier now, −1 for none.
+    """Return (N, m) the index that each barrier had in the scene before, or `_NO_SOURCE`.
 
     Barriers are the same if they have the same name, and both scenes have that name once. If not,
-    the source is, of all regions of its kind that were beside it (`nearness.hpp`), the nearest to
-    the robot.
+    the source is the region nearest to the robot, among those of the same kind that were beside the
+    barrier (`nearness.hpp`).
     """
-    (count, m), k = now.kind.shape, before.kind.shape[1]
-    source = np.full((count, m), -1)
-    source[:, : min(m, k)] = np.arange(min(m, k))  # of scenes that have not changed
+    (count, m), m_before = now.kind.shape, before.kind.shape[1]
+    source = np.full((count, m), _NO_SOURCE)
+    shared = min(m, m_before)
+    source[:, :shared] = np.arange(shared)  # holds for scenes that have not changed
     for i in np.flatnonzero(changed).tolist():
-        lists = before.listed, now.listed
-        is_shared = i and changed[i - 1] and all(listed[i] is listed[i - 1] for listed in lists)
-        source[i] = source[i - 1] if is_shared else _named(before.listed[i], now.listed[i], m)
-    if (source < 0).any():
-        if m == k:  # unchanged parameters identify a barrier, too
-            same = (before.parameters == now.parameters).all(axis=2) & (before.kind == now.kind)
-            source = np.where((source < 0) & same, np.arange(m), source)
+        scene_before, scene = before.listed[i], now.listed[i]
+        is_as_last = i > 0 and changed[i - 1]
+        is_as_last &= scene_before is before.listed[i - 1] and scene is now.listed[i - 1]
+        source[i] = source[i - 1] if is_as_last else _sources_by_name(scene_before, scene, m)
+    if (source == _NO_SOURCE).any():
+        if m == m_before:  # unchanged parameters identify a barrier, too
+            is_same = (before.parameters == now.parameters).all(axis=2) & (before.kind == now.kind)
+            source = np.where((source == _NO_SOURCE) & is_same, np.arange(m), source)
         barriers = (before.kind, before.parameters), (now.kind, now.parameters)
         _core.nearness_find_beside(*barriers, h_before, t, source)
     return source
 
 
-def _named(before: Flat, now: Flat, m: int) -> Integers:
-    """Return (m,) the place before of each barrier of one scene, by its name; −1 for none."""
-    names_before, names, source = _names(before), _names(now), np.full(m, -1)
+def _sources_by_name(before: Flat, now: Flat, m: int) -> Integers:
+    """Return (m,) the index before of each barrier of one scene, by its name, or `_NO_SOURCE`."""
+    names_before, names, source = _names(before), _names(now), np.full(m, _NO_SOURCE)
     if names_before == names and len(set(names)) == len(names):
         source[: len(names)] = np.arange(len(names))
         return source
     count_before, count = Counter(names_before), Counter(names)
-    places = {name: k for k, name in enumerate(names_before) if count_before[name] == 1}
+    index_before = {name: k for k, name in enumerate(names_before)}
     for k, name in enumerate(names):
-        source[k] = places.get(name, -1) if count[name] == 1 else -1
+        if count_before[name] == count[name] == 1:
+            source[k] = index_before[name]
     return source
 
 
-def _names(listed: Flat) -> list[str]:
+def _names(scene: Flat) -> list[str]:
     """Return the names of the barriers of a scene."""
-    return [one.name for one, k, end in places_of(listed) for _ in range(k, end)]
+    return [element.name for element, k, end in places_of(scene) for _ in range(k, end)]

@@ -15,15 +15,15 @@ from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
 
-FAR = 1e3
-"""A plant that starts farther away has its own origin, against errors of rounding [m]."""
-SAME_EVERYWHERE = DoubleIntegrator, SingleIntegrator, Unicycle, KinematicBicycle
-"""Models that begin with a position, on which ẋ does not depend."""
+MAX_START_DISTANCE = 1e3
+"""A plant that starts farther away gets an origin nearby, against errors of rounding [m]."""
+TRANSLATABLE_MODELS = DoubleIntegrator, SingleIntegrator, Unicycle, KinematicBicycle
+"""Models with a position as the first entries of x, on which ẋ does not depend."""
 
 _Translated = dict[int, tuple[Barrier | Shapes, Barrier | Shapes]]
-"""id → a barrier, so that no other gets its id, and its translation.
+"""The id of a barrier → the barrier, so that no other gets its id, and its translation.
 
-Filters compare barriers by identity: one barrier must remain one object.
+Filters compare barriers by identity, so that the same barrier must have the same translation.
 """
 
 
@@ -35,12 +35,10 @@ class World(NamedTuple):
 
 
 class Origin:
-    """The origin of the positions of N plants: 0, or near a far start.
-
-    It is near the first plant whose position is finite.
+    """The origin of the positions of N plants: 0, or near the first plant if that is far away.
 
     Args:
-        model: of the plants; positions of models that are not `SAME_EVERYWHERE` stay as they are.
+        model: the plants' model; the origin of models that are not `TRANSLATABLE_MODELS` is 0.
 
     Attributes:
         is_decided: whether a position has decided the origin.
@@ -49,27 +47,26 @@ class Origin:
     """
 
     def __init__(self, model: ReducedOrderModel) -> None:
-        self._is_movable = isinstance(model, SAME_EVERYWHERE)
-        self.is_decided, self.is_far = not self._is_movable, False
-        self.at = np.zeros(2)
-        self._translated: _Translated = {}
+        self._is_translatable = isinstance(model, TRANSLATABLE_MODELS)
+        self.forget()
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Find barriers again in a copy, where they are other objects."""
+        """Restore the attributes in a copy, where barriers have other ids."""
         vars(self).update(state)
         self._translated = {id(pair[0]): pair for pair in self._translated.values()}
 
     def forget(self) -> None:
         """Return to 0, until the next position decides."""
-        self.is_decided, self.is_far = not self._is_movable, False
+        self.is_decided, self.is_far = not self._is_translatable, False
         self.at = np.zeros(2)
-        self._translated = {}
+        self._translated: _Translated = {}
 
     def decide(self, x: Array) -> None:
         """Decide the origin by the first finite position of states (N, n)."""
         for position in x[:, :2]:
-            if np.abs(position).max() <= ON_EARTH:
-                self.is_decided, self.is_far = True, bool(np.abs(position).max() > FAR)
+            distance = np.abs(position).max()
+            if distance <= ON_EARTH:
+                self.is_decided, self.is_far = True, bool(distance > MAX_START_DISTANCE)
                 self.at = np.rint(position) if self.is_far else np.zeros(2)
                 return
 
@@ -86,15 +83,14 @@ class Origin:
     def _translate_points(self, points: Any) -> Any:
         try:
             return None if points is None else np.asarray(points, dtype=np.float64) - self.at
-        except Exception:  # any error of a user's own object: guidance refuses it with a message
+        except Exception:  # a foreign object may raise anything; guidance refuses it
             return points
 
     def barriers(self, scenes: Any) -> Any:
-        """Return barriers translated to the origin, the same objects for the same barriers.
+        """Return a list of barriers, or N such lists, translated to the origin.
 
-        Args:
-            scenes: a list of barriers, or N such lists; anything else, which the filter refuses,
-                is returned as it is.
+        The same barriers have the same translations. Anything else is returned as it is, because
+        the filter refuses it.
         """
         if not self.is_far:
             return scenes
@@ -105,7 +101,7 @@ class Origin:
             )
         if not is_list(scenes):
             return scenes
-        previous, self._translated = self._translated, {}  # drop what is in no scene any more
+        previous, self._translated = self._translated, {}  # drop barriers of no present scene
         if any(map(is_list, scenes)):
             return tuple(self._translate_scene(scene, previous) for scene in scenes)
         return self._translate_scene(scenes, previous)
@@ -120,7 +116,7 @@ class Origin:
 
 
 def _moved(barrier: Barrier | Shapes, step: Array) -> Barrier | Shapes:
-    """Return a barrier a step (2,) [m] away."""
+    """Return a barrier that is moved by a step (2,) [m]."""
     if isinstance(barrier, Shape) and type(barrier) not in SHAPES:  # its `places` may lack fields
         return PlanarBarrier.moved(barrier, step)
     return barrier.moved(step)

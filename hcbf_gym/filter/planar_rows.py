@@ -23,9 +23,9 @@ from hcbf_gym.filter.samples import Samples, Snapshot
 
 
 class PlanarRows:
-    """Makes the rows of users' own barriers. `ModelRows` does the same for all other models.
+    """Makes the rows of users' own barriers. `ModelRows` has the same methods for other models.
 
-    Both are used by `Scenes`, when barriers change, and by `FilterCore`, at every step.
+    `Scenes` calls them when barriers change, and `FilterCore` at every step.
     """
 
     def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
@@ -37,9 +37,9 @@ class PlanarRows:
     def check(self, barriers: object, given: BarrierSet) -> None:
         """Accept all barriers: each has a row of this model."""
 
-    def moves(self, scene: BarrierSet) -> bool:
+    def moves(self, scenes: BarrierSet) -> bool:
         """Return whether a barrier of N scenes depends on time."""
-        return bool(scene.moves.any())
+        return bool(scenes.moves.any())
 
     def resize(self, m: int) -> None:
         """Allocate the rows (N, m, WIDTH + 2) of scenes of m barriers."""
@@ -47,64 +47,65 @@ class PlanarRows:
         self._rows[..., PLACED] = 1.0
 
     def snapshot(self) -> Snapshot:
-        """Return a copy of the plants' records, for `restore`."""
+        """Return a copy of the samples, for `restore`."""
         return self._samples.snapshot()
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Set the plants' records back to a snapshot."""
+        """Set the samples back to a snapshot."""
         self._samples.restore(snapshot)
 
-    def accept(self, scene: BarrierSet) -> ReachedBarriers:
-        """Return users' own barriers of changed scenes; none if they are the same objects."""
-        barriers = tuple(scene.own.values())
+    def accept(self, scenes: BarrierSet) -> ReachedBarriers:
+        """Return users' own barriers in changed scenes; none if they are the same objects."""
+        barriers = tuple(scenes.own.values())
         if are_same(barriers, self._accepted):
             return ReachedBarriers((), ())
-        self._accepted = ()  # until no error is possible any more
-        reach = instant_rows(self._config.row_settings).reach
-        reaches = [reach(barrier) for barrier in barriers]
+        self._accepted = ()  # an error below must not leave these barriers accepted
+        instant = instant_rows(self._config.row_settings)
+        reaches = [instant.reach(barrier) for barrier in barriers]
         warn_of_concave(barriers, self._config.plant.model)
         self._accepted = barriers
         return ReachedBarriers(barriers, reaches)
 
-    def evaluate_previous(self, scene: BarrierSet) -> bool:
-        """Evaluate the scene until now at the present states, for comparison with the next scene.
+    def evaluate_previous(self, scenes: BarrierSet) -> bool:
+        """Evaluate the scenes until now at the present states, for comparison with the next ones.
 
         A step is VIOLATED if its strict conditions lack more than those of the previous scene did.
         The least h − m [m] and the least ψ [m/s] of that scene are written into the plants'
-        records. All else that the filter changes on the occasion is restored.
+        records. All else that this evaluation changes is restored.
 
         Returns:
-            Whether the previous scene could be evaluated. Scenes with users' own barriers are not.
+            Whether the scenes could be evaluated. Scenes with users' own barriers are not.
         """
-        if scene.own or scene.kind.shape[1] != self._rows.shape[1]:
+        if scenes.own or scenes.kind.shape[1] != self._rows.shape[1]:
             return False
         snapshot = self._samples.snapshot()
         self._bound.u_nominal[...] = 0.0
-        self._bound.filter(scene)
+        self._bound.filter(scenes)
         plants = self._samples.plants
-        least = {name: plants[name].copy() for name in ("kept", "headway")}
+        least_values = {name: plants[name].copy() for name in ("kept", "headway")}
         self._samples.restore(snapshot)
-        pending = plants["change"] != 0  # no step has seen an earlier change, which counts too
-        for name, value in least.items():
-            plants[name] = np.where(pending, np.maximum(plants[name], value), value)
+        is_pending = plants["change"] != 0  # no step has seen an earlier change, which counts too
+        for name, least in least_values.items():
+            plants[name] = np.where(is_pending, np.maximum(plants[name], least), least)
         return True
 
-    def make(self, scene: BarrierSet, u_nominal: Array) -> Array:
-        """Return the rows (N, m, WIDTH + 2), those of users' own barriers written, at u* (N, 2)."""
+    def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
+        """Return rows (N, m, WIDTH + 2), written for users' own barriers if u* (N, 2) is finite."""
         self._kinks.u = u_nominal
         if np.isfinite(u_nominal).all():
             self._bound.core.check_states()
-            self._reserve_and_write(scene)
+            self._reserve_and_write(scenes)
         return self._rows
 
-    def _reserve_and_write(self, scene: BarrierSet) -> None:
-        """Write the margin of each row, then the row; b is NaN where a barrier is unreadable."""
+    def _reserve_and_write(self, scenes: BarrierSet) -> None:
+        """Write the margin of each row, then the row; b is NaN if a barrier is unreadable."""
         config, plants, rows = self._config, self._samples.plants, self._rows
-        settings = config.row_settings
-        entries = [Entry(i, k, barrier) for (i, k), barrier in scene.own.items()]
+        settings, reserve = config.row_settings, config.reserve
+        entries = [Entry(i, k, barrier) for (i, k), barrier in scenes.own.items()]
         states = UncertainStates(*(plants[name].copy() for name in UncertainStates._fields))
-        sloping = entries if self._samples.has_parts or config.reserve.is_steep else []
-        config.reserve.write(scene, sloping, states, plants["growth"].copy(), rows)
+        # only margins for an error of the position depend on slopes
+        sloping = entries if self._samples.is_uncertain or reserve.is_steep else []
+        reserve.write(scenes, sloping, states, plants["growth"].copy(), rows)
         look_ahead = 0.0 if config.plant.axle is None else config.plant.axle.look_ahead
         for i, k, barrier in entries:
             row, kinks = rows[i, k], self._kinks.starting_at(i)

@@ -1,4 +1,4 @@
-"""What the compiled core reads and writes: constants and plants, as its `plants.hpp` has them."""
+"""Records that the compiled core shares: constants and plants, as its `plants.hpp` has them."""
 
 from functools import cache
 from typing import Any
@@ -8,32 +8,31 @@ import numpy as np
 from hcbf_gym.arrays import Array, record_type
 
 COMPARED, CHANGED = 1, 2
-"""What came in unforeseen: barriers that are compared with those before; whatever it is, others, or
-a state after none."""
+"""The values of a plant's `change`: its barriers changed and are compared with those before; or
+they changed without a comparison, or its state comes after an invalid one."""
 
 CONSTANTS = record_type("plants.Constants")
-"""What a filter never changes."""
+"""The type of the constants of a filter."""
 
 
 @cache
 def plant_dtype(n_u: int) -> np.dtype[np.void]:
-    """Return what is known of one plant of so many inputs; zeros at a reset.
+    """Return the type of the record of one plant with n_u inputs; it is 0 at a reset.
 
-    Behind the struct are `input`, applied since the last sample, and `stop`, of U, which brings a
-    plant of another model to rest.
+    Behind the struct are `input`, which was applied since the last sample, and `stop`, the input of
+    U that brings a plant of another model to rest.
     """
     return record_type("plants.Plant", input=n_u, stop=n_u)
 
 
-PLANT = plant_dtype(2)
-"""What is known of one plant of two inputs."""
-
-
 def constants(fields: dict[str, Any]) -> tuple[Array, Array]:
-    """Return the numbers of a `CONSTANTS`; and the corners of U, the program's weights behind them.
+    """Return a filter's constants and its program as numbers, for the core.
 
     Args:
-        fields: of the constants, and (1, V, 2) `vertices` and (K, 1 + L) `weights`.
+        fields: of `CONSTANTS`; and `vertices` (1, V, 2) of U and `weights` (K, 1 + L).
+
+    Returns:
+        The numbers of a `CONSTANTS` record; the numbers of the vertices, then of the weights.
     """
     record = np.zeros(1, dtype=CONSTANTS)
     vertices, weights = fields.pop("vertices"), fields.pop("weights")

@@ -11,7 +11,8 @@ from hcbf_gym.barriers.many import Flat, Read, are_same, flattened, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, shown
 
-Listed = tuple[tuple[Any, ...], ...]
+SceneTuples = tuple[tuple[Any, ...], ...]
+"""One scene for all plants, or N scenes, each a tuple of elements."""
 
 
 class SceneReader:
@@ -19,26 +20,26 @@ class SceneReader:
 
     def __init__(self, count: int):
         self._count = count
-        self._scenes: Listed = ()
-        self._immutable: object = None  # what was read last, if it cannot change
+        self._scenes: SceneTuples = ()
+        self._immutable: object = None  # the latest argument, if it cannot change
         self._several: Read = []  # the elements of several barriers, and their conditions then
         self._set = BarrierSet([()] * count)
 
     def __call__(self, barriers: Any) -> BarrierSet:
-        """Return the scenes as a set, which is that of before if they hold the same objects.
+        """Return the scenes as a set, the same set while they hold the same objects.
 
         Args:
             barriers: a sequence of elements for all plants; N sequences, of any lengths; or the set
                 of an environment, see `BarrierSet`.
         """
         if isinstance(barriers, BarrierSet):
-            self._check(barriers)
+            self._check_set(barriers)
             return barriers
         if barriers is None or not (barriers is self._immutable or self._is_last(barriers)):
             scenes = self._sequences(barriers)
             if len(scenes) != len(self._scenes) or not all(map(are_same, scenes, self._scenes)):
                 self._read(scenes, barriers)
-        if not all(are_same(one.conditions, conditions) for one, conditions in self._several):
+        if not all(are_same(element.conditions, then) for element, then in self._several):
             self._read(self._scenes, barriers)
         return self._set
 
@@ -47,8 +48,8 @@ class SceneReader:
         scenes = self._scenes
         return type(barriers) is list and len(scenes) == 1 and are_same(barriers, scenes[0])
 
-    def _sequences(self, barriers: Any) -> Listed:
-        """Return one scene for all plants, or N, as tuples of elements."""
+    def _sequences(self, barriers: Any) -> SceneTuples:
+        """Return barriers as scenes; refuse all that is no sequence of elements, or N of them."""
         if not is_list(barriers):
             raise InvalidInputError(
                 f"barriers: got {shown(barriers)}, expected a sequence of Barriers"
@@ -62,7 +63,7 @@ class SceneReader:
             )
         return tuple(map(tuple, barriers))
 
-    def _check(self, scenes: BarrierSet) -> None:
+    def _check_set(self, scenes: BarrierSet) -> None:
         """Refuse a set that is not an environment's, or is of another number of plants."""
         if not scenes.is_placed:
             raise InvalidInputError(
@@ -73,14 +74,16 @@ class SceneReader:
                 f"barriers: got a set of {len(scenes.kind)} scenes, expected {self._count}"
             )
 
-    def _read(self, scenes: Listed, barriers: Any) -> None:
-        """Make the set of scenes, and note what the next ones are compared with."""
+    def _read(self, scenes: SceneTuples, barriers: Any) -> None:
+        """Make the set of scenes, and store the objects with which the next are compared."""
         read = [flattened(scene) for scene in scenes]
-        listed: list[Flat] = [flat for flat, _ in read]
+        listed: list[Flat] = [barriers_of_scene for barriers_of_scene, _ in read]
         if len(listed) == 1:
             listed *= self._count
         self._set = BarrierSet(listed, self._set if self._count == 1 else None)
         self._several = [pair for _, several in read for pair in several]
-        is_tuple = type(barriers) is tuple
-        is_fixed = is_tuple and (scenes[0] is barriers or all(map(operator.is_, scenes, barriers)))
-        self._scenes, self._immutable = scenes, barriers if is_fixed else None
+        # `tuple(scene)` is the scene itself if that is a tuple
+        is_immutable = type(barriers) is tuple and (
+            scenes[0] is barriers or all(map(operator.is_, scenes, barriers))
+        )
+        self._scenes, self._immutable = scenes, barriers if is_immutable else None

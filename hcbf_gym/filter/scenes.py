@@ -1,4 +1,4 @@
-"""The barriers of N plants as they are now, and what follows from a change of them."""
+"""Takes the barriers of N plants at every step, and compares changed barriers with the previous."""
 
 from copy import copy
 from functools import cached_property
@@ -35,22 +35,23 @@ from hcbf_gym.models.plant import Coverage, Estimate
 
 
 class Scenes:
-    """The scenes of N plants, in which shapes are where they are at time 0 of a plant's clock.
+    """The scenes of N plants: of each plant, the barriers that its rows satisfy.
 
-    Where barriers are refused, the samples get a reason to brake. Where they change, the coverage
-    of the episode ends, and the change is compared with the margins and with the declared motion.
+    Shapes are at their places at time 0 of a plant's clock. If barriers are refused, the samples
+    get a reason to brake. If they change, the coverage of the episode ends, and the change is
+    compared with the margins and with the declared motion.
 
     Attributes:
-        plant: the plant of each scene.
-        current: the scenes.
-        read: barriers → the set of their scenes.
-        placing: since when shapes count.
+        plant: the model, readers and limits that all N plants share.
+        current: the present scenes.
+        read: returns the `BarrierSet` of barriers as a user gives them.
+        placing: the times from which shapes count.
         scan_ages: the ages of scans, and their margins.
         is_refused: whether the latest barriers are unreadable, or cannot be satisfied.
-        refusal: why readable barriers are refused; None if they are not.
-        error: why barriers were unreadable or refused last.
-        moving_region: the name of a region that moves undeclared.
-        checks_moves: whether the records may hold that a region moves undeclared.
+        refusal: why the latest barriers, which are readable, are refused; None otherwise.
+        error: the latest error of unreadable or refused barriers.
+        moving_region: the name of a region with undeclared motion.
+        checks_moves: whether the records may state that a region moves undeclared.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class Scenes:
         self._config, self._samples, self._rows, self._coverage = config, samples, rows, coverage
         self.plant = config.plant
         self.current = self._given = BarrierSet([()] * config.count)
+        # of `_given` when it was taken, because a set may be edited in place
         self._version, self._edits = self.current.version.copy(), -1
         self.placing, self._nearness = Placing(config.count), Nearness(config.count)
         self.read, self.scan_ages = SceneReader(config.count), ScanAges(samples, self.plant.period)
@@ -71,17 +73,18 @@ class Scenes:
         self.error: Exception | None = None
         self.moving_region, self.checks_moves = "", True
         self._warned: set[str] = set()
-        self._earlier: tuple[BarrierSet, Nearness] | None = None  # of the filter before this one
+        # of the filter that this one continues, until both are compared
+        self._continued: tuple[BarrierSet, Nearness] | None = None
 
     def go_on_from(self, other: "Scenes") -> None:
-        """Let shapes and scans count from the same times, and motion be compared on from there."""
+        """Continue the times of shapes and scans, and the comparison of motion, from another's."""
         self.placing = copy(other.placing)
         self.placing.is_due = True
         self.scan_ages.go_on_from(other.scan_ages)
-        self._earlier = other._earlier or (other.current, other._nearness)
+        self._continued = other._continued or (other.current, other._nearness)
 
     def forget(self, mask: Mask) -> None:
-        """Forget what was compared for the masked plants (N,)."""
+        """Forget approaches and scan ages of the masked plants (N,), whose clocks may go back."""
         self._nearness.forget(mask)
         self.placing.go_back(mask)
         self.scan_ages.forget(mask)
@@ -89,16 +92,16 @@ class Scenes:
     def take(
         self, barriers: object, estimate: Estimate, since: float | None, *, counts: bool
     ) -> None:
-        """Take the barriers as they are now.
+        """Take the present barriers.
 
-        The plants brake if these are no barriers or cannot be satisfied, or if they move while
-        neither the estimate nor the period has the time.
+        The plants brake if these are no barriers or cannot be satisfied. They also brake if
+        barriers move while neither the estimate nor the period determines the time.
 
         Args:
             barriers: as the plants' reader returns them.
-            estimate: of the plants, which the samples hold already.
+            estimate: the estimate that the samples have taken.
             since: the time from which changed shapes count [s]; None is the present.
-            counts: whether the undeclared motion of this step counts.
+            counts: whether undeclared motion counts in this step.
         """
         samples = self._samples
         try:
@@ -107,13 +110,14 @@ class Scenes:
                 given = self._read(barriers)
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self.is_refused, self.refusal, self.error = True, None, error
-            self._version, self._edits = np.full(self._config.count, -1), -1
+            self._version, self._edits = np.full(self._config.count, -1), -1  # as no set has them
         else:
             is_same = given is self._given and given.edits == self._edits
             if not is_same or self.placing.is_due:
                 self._replace(given, since)
         if self.scan_ages.has_scans and (wrong_age := self.scan_ages.update()):
-            samples.reject(Reason.AGE, wrong_age)
+            samples.wrong_age = wrong_age
+            samples.reject(Reason.AGE)
         if self.is_refused:
             samples.reject(Reason.BARRIERS)
         elif self._needs_time and estimate.time is None:
@@ -122,39 +126,40 @@ class Scenes:
             self._write_moves()
 
     def take_static(self, barriers: object) -> None:
-        """Take barriers that never change; raise what is wrong with them."""
+        """Take barriers that never change; raise the error if they are refused."""
         self._replace(self._read(barriers), None)
         if self.refusal is not None:
             raise self.refusal
 
     def check(self, scenes: BarrierSet) -> Integers:
-        """Return a `Coverage` of each scene (N,): OUTSIDE where U may not satisfy rank 1.
+        """Return the `Coverage` of each scene (N,): OUTSIDE if U may not satisfy rank 1.
 
-        Warns once of each thing that α₁, U and the speed limit cannot satisfy.
+        Warns once of each condition that α₁, U or the speed limit cannot satisfy.
         """
         config, plant = self._config, self.plant
-        margin, fastest = plant.uncertainty.speed, plant.fastest or np.inf
         self.check_limits(scenes)
-        covered = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
-        for one in shortcomings(scenes, config.alpha1, config.input_set, margin, fastest):
-            if not one.promised:
-                covered[one.scenes] = Coverage.OUTSIDE
-            self._warn_once(one.what, one.text, CoverageWarning)
-        return covered
+        coverage = np.full(len(scenes.kind), Coverage.COVERED, dtype=np.int64)
+        fastest = plant.fastest or np.inf
+        limits = config.alpha1, config.input_set, plant.uncertainty.speed, fastest
+        for shortcoming in shortcomings(scenes, *limits):
+            if not shortcoming.promised:
+                coverage[shortcoming.scenes] = Coverage.OUTSIDE
+            self._warn_once(shortcoming.what, shortcoming.text, CoverageWarning)
+        return coverage
 
     def check_limits(self, scenes: BarrierSet) -> None:
         """Refuse speed limits that no input can satisfy."""
         plant = self.plant
-        turn = 0.0 if plant.axle is None else plant.axle.turn
-        check_limits(scenes, plant.period, self._config.gain, plant.uncertainty.speed, turn)
+        turn_rate = 0.0 if plant.axle is None else plant.axle.turn
+        check_limits(scenes, plant.period, self._config.gain, plant.uncertainty.speed, turn_rate)
 
-    def _warn_once(self, what: str, text: str, category: type[Warning] = UserWarning) -> None:
-        if what not in self._warned:
-            self._warned.add(what)
+    def _warn_once(self, topic: str, text: str, category: type[Warning] = UserWarning) -> None:
+        if topic not in self._warned:
+            self._warned.add(topic)
             warn_caller(f"safety filter: {text}", category)
 
     def _read(self, barriers: object) -> BarrierSet:
-        """Return barriers as a set, which is the previous one if they are the same objects."""
+        """Return the set of barriers, which is the previous set if they are the same objects."""
         origin = self._samples.origin
         if origin.is_far:
             try:
@@ -169,19 +174,19 @@ class Scenes:
 
     def _replace(self, given: BarrierSet, since: float | None) -> None:
         """Replace the scenes by a set that may differ from the previous one; see `take`."""
-        previous, is_in_place = self.current, given is self._given
-        changed = given.version != self._version if is_in_place else self._differs(given)
+        previous, is_same_set = self.current, given is self._given
+        changed = given.version != self._version if is_same_set else self._differs(given)
         scenes = self.placing.place(given, self._finite_times(), since)
-        if scenes is previous and given.edits == self._edits and self._earlier is None:
+        if scenes is previous and given.edits == self._edits and self._continued is None:
             return
         if since is not None and scenes.parameters.shape == previous.parameters.shape:
             changed |= (scenes.parameters != previous.parameters).any(axis=(1, 2))
-        self.scan_ages.update()
+        self.scan_ages.update()  # so that previous scans are compared at their present ages
         # an edit in place, or another origin, leaves no previous scenes that could be evaluated
-        has_previous = scenes is not previous and not (is_in_place and given.atlas)
-        has_previous &= not self.is_refused and previous.edits == self._edits
-        has_previous &= self._earlier is None
-        self._compare(previous, scenes, changed, has_previous and not self._samples.is_rebased)
+        is_edited = scenes is previous or previous.edits != self._edits
+        is_edited |= is_same_set and bool(given.atlas)
+        has_previous = not (is_edited or self.is_refused or self._samples.is_rebased)
+        self._compare(previous, scenes, changed, has_previous and self._continued is None)
         self._given, self._version, self._edits = given, given.version.copy(), given.edits
         self.current = scenes
         self.scan_ages.set_scenes(scenes)
@@ -191,22 +196,24 @@ class Scenes:
     def _compare(
         self, previous: BarrierSet, scenes: BarrierSet, changed: Mask, has_previous: bool
     ) -> None:
-        """Compare changed scenes with the previous ones: in margins, and in declared motion."""
+        """Compare changed scenes with the previous ones, in margins and in declared motion."""
         samples = self._samples
         is_compared = has_previous and self._rows.evaluate_previous(previous)
         change = samples.plants["change"]
         change[changed] = np.maximum(change[changed], COMPARED if is_compared else CHANGED)
-        valid = samples.sound & np.isfinite(samples.x).all(axis=1) & (not samples.is_rebased)
-        if self._earlier is not None:
-            (previous, self._nearness), self._earlier = self._earlier, None
-            changed = np.ones_like(changed)
+        is_comparable = samples.is_sound & np.isfinite(samples.x).all(axis=1)
+        is_comparable &= not samples.is_rebased
+        if self._continued is None:
+            is_comparable &= ~samples.fresh
         else:
-            valid &= ~samples.fresh
+            (previous, self._nearness), self._continued = self._continued, None
+            changed = np.ones_like(changed)
         if changed.any():
-            self._nearness.compare(previous, scenes, samples.x, samples.time, changed, valid)
+            place = samples.x, samples.time
+            self._nearness.compare(previous, scenes, *place, changed, is_comparable)
 
     def _accept(self, scenes: BarrierSet) -> None:
-        """Accept changed scenes, or refuse them with an error."""
+        """Accept changed scenes, or set why they are refused."""
         self.is_refused, self.refusal = False, None
         try:
             with np.errstate(all="ignore"):
@@ -219,7 +226,7 @@ class Scenes:
             self.is_refused, self.refusal, self.error = True, error, error
 
     def _differs(self, given: BarrierSet) -> Mask:
-        """Return (N,) whose barriers are other objects than before."""
+        """Return (N,) whether the barriers of a plant are other objects than before."""
         if self.is_refused:
             return np.ones(self._config.count, dtype=np.bool_)
         pairs = zip(given.listed, self._given.listed, strict=True)
@@ -231,20 +238,21 @@ class Scenes:
         return np.where(np.isfinite(now), now, last)
 
     def _write_moves(self) -> None:
-        """Write into the records at which plants a region moves undeclared."""
-        samples, reserved = self._samples, self._config.uncertainty
+        """Write into the records which plants a region approaches faster than declared."""
+        samples, uncertainty = self._samples, self._config.uncertainty
         plants, covariance = samples.plants, samples.states.covariance
         plants["moves"], self.checks_moves = 0, False
         if not self._nearness.is_some:
             return
-        variance = covariance[:, 0, 0] + covariance[:, 1, 1] if samples.has_parts else 0.0
-        error = reserved.distance + reserved.confidence * np.sqrt(variance)
-        moving = self._nearness.moves(plants["elapsed"], np.broadcast_to(error, self._config.count))
-        plants["moves"] = moving.any(axis=1)
-        if moving.any():
+        variance = covariance[:, 0, 0] + covariance[:, 1, 1] if samples.is_uncertain else 0.0
+        error = uncertainty.distance + uncertainty.confidence * np.sqrt(variance)
+        error = np.broadcast_to(error, self._config.count)
+        is_moving = self._nearness.moves(plants["elapsed"], error)
+        plants["moves"] = is_moving.any(axis=1)
+        if is_moving.any():
             self.checks_moves = True
-            i, k = np.argwhere(moving)[0].tolist()
-            self.moving_region = self.current.conditions(i)[k].name
+            plant, condition = np.argwhere(is_moving)[0].tolist()
+            self.moving_region = self.current.conditions(plant)[condition].name
 
     @cached_property
     def _late_inputs(self) -> LateInputs:
@@ -252,12 +260,12 @@ class Scenes:
 
     def _check_inputs(self, changed: ReachedBarriers) -> None:
         """Refuse barriers whose rows miss an input that moves them later; warn of it once."""
-        late = "; ".join(self._late_inputs.find(*changed)) if changed.barriers else ""
-        if not late:
+        missed = self._late_inputs.find(*changed) if changed.barriers else []
+        if not missed:
             return
-        allowed = self._config.settings.allow_late_inputs
-        late = f"{late}: allowed" if allowed else f"{late}; {REMEDY}"
-        if allowed or not self._samples.fresh.all():
-            self._warn_once("late", late)
-        if not allowed:
-            raise InvalidInputError(late)
+        is_allowed = self._config.settings.allow_late_inputs
+        text = "; ".join(missed) + (": allowed" if is_allowed else f"; {REMEDY}")
+        if is_allowed or not self._samples.fresh.all():
+            self._warn_once("late", text)
+        if not is_allowed:
+            raise InvalidInputError(text)

@@ -1,4 +1,4 @@
-"""A program that is solved by a solver by name, in the place of the compiled program."""
+"""Filters plants by a solver that the user names, in place of the compiled program."""
 
 from typing import Any
 
@@ -15,59 +15,61 @@ DONE, NOT_FINITE, MISSHAPED, DUE = range(4)
 warning or a user's own brake is due."""
 
 
-def answer(program: Program, posed: Any, count: int) -> int:
-    """Filter N plants by a program's answers, and return the result of the step, such as `DONE`.
+def filter_by_solver(program: Program, core: Any, count: int) -> int:
+    """Filter `count` plants, one after the other, by a program that calls a solver.
 
-    Args:
-        program: with its solver.
-        posed: the `_core.Filter` that poses the problems, one plant after the other.
-        count: N.
+    `core` is the `_core.Filter` that poses their problems and writes their reports.
+
+    Returns:
+        The result of the step, such as `DONE`.
     """
-    result_code = posed.check()
+    result_code = core.check()
     if result_code != DONE:
         return result_code
     for i in range(count):
-        if not posed.pose(i):
+        if not core.pose(i):  # plant i brakes without a program
             result_code = max(result_code, DUE)
             continue
-        u, a, b, h, alpha2_psi, priority = posed.problem()
-        result = solve(program, u, CbfRows(a, b, h, priority, alpha2_psi))
+        u_nominal, a, b, h, alpha2_psi, priority = core.problem()
+        result = solve(program, u_nominal, CbfRows(a, b, h, priority, alpha2_psi))
         status, fallbacks = FilterStatus.BACKUP, 0
         if result is not None:
-            for place, value in zip(posed.answer(), result, strict=False):
-                place[:] = value
+            u, slack, delta = core.answer()
+            u[:], slack[:], delta[:] = result.u, result.slack, result.delta
             status, fallbacks = result.status, result.fallbacks
-        closed = posed.close(i, result is not None, int(status), int(fallbacks))
+        closed = core.close(i, result is not None, int(status), int(fallbacks))
         result_code = max(result_code, closed)
     return result_code
 
 
 def solve(program: Program, u_nominal: Array, rows: CbfRows) -> FilterResult | None:
-    """Return a program's answer; None where no solver has one that is finite.
+    """Return a program's result for one plant; None if no solver finds a finite one.
 
     Args:
-        program: with its solver.
+        program: the program with its solver.
         u_nominal: (n_u,) u*.
-        rows: (m,) of rank 0 where there is no row.
+        rows: m rows; the priority is 0 where a scene has no row.
     """
-    there = rows.priority > 0
-    psi = None if rows.alpha2_psi is None else rows.alpha2_psi[there]
-    kept = CbfRows(rows.a[there], rows.b[there], rows.h[there], rows.priority[there], psi)
+    has_row = rows.priority > 0
+    psi = None if rows.alpha2_psi is None else rows.alpha2_psi[has_row]
+    a, b, h = rows.a[has_row], rows.b[has_row], rows.h[has_row]
+    present = CbfRows(a, b, h, rows.priority[has_row], psi)
     try:
-        result = program(u_nominal, without_gaps(kept))
+        result = program(u_nominal, without_gaps(present))
     except (SolverError, ArithmeticError, np.linalg.LinAlgError):
         return None
     if result.status == FilterStatus.BACKUP or not np.isfinite(result.u).all():
         return None
-    slack, delta = np.zeros((2, rows.b.size))
-    slack[there], delta[there] = result.slack[: kept.b.size], result.delta[: kept.b.size]
+    slack, delta = np.zeros((2, rows.b.size))  # without the row that `without_gaps` may append
+    slack[has_row], delta[has_row] = result.slack[: b.size], result.delta[: b.size]
     return result._replace(slack=slack, delta=delta)
 
 
 def without_gaps(rows: CbfRows) -> CbfRows:
-    """Return rows whose ranks are 1, 2, …: barriers that are not in sight leave gaps.
+    """Return rows whose priorities are 1, 2, … without a gap.
 
-    Where nothing strict is in sight, a last row of rank 1 requires nothing.
+    Barriers without a row leave gaps. Rows of priority 1 keep it, because they are strict. If there
+    are none, a row of priority 1 that every input meets is appended.
     """
     if _core.has_no_gap(rows.priority):
         return rows
@@ -79,9 +81,9 @@ def without_gaps(rows: CbfRows) -> CbfRows:
         return rows
     psi = None if rows.alpha2_psi is None else np.append(rows.alpha2_psi, 0.0)
     return CbfRows(
-        np.vstack([rows.a, np.zeros(rows.a.shape[1])]),
-        np.append(rows.b, -1.0),
-        np.append(rows.h, 1.0),
-        np.append(priority, 1),
-        psi,
+        a=np.vstack([rows.a, np.zeros(rows.a.shape[1])]),
+        b=np.append(rows.b, -1.0),
+        h=np.append(rows.h, 1.0),
+        priority=np.append(priority, 1),
+        alpha2_psi=psi,
     )

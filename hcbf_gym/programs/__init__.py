@@ -1,4 +1,4 @@
-"""The family of programs: ``(u*, rows) → FilterResult``, without Gymnasium or MuJoCo."""
+"""Programs, ``(u*, rows) → FilterResult``: they make a safe input of a nominal one."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ __all__ = [
 
 
 def options(program: Named) -> tuple[str, ...]:
-    """Return the options that the program takes beside `input_set` and `solver`.
+    """Return the names of a program's options, besides `input_set` and `solver`.
 
     Raises:
         UnknownNameError: if there is no such program.
@@ -58,17 +58,17 @@ def make(
         program: one of :func:`names`, or a plan of your own.
         input_set: U; the paper's box |u_i| ≤ 5 unless given.
         solver: "daqp", "clarabel", or any solver that qpsolvers finds installed, as a second
-            opinion. Without a name the core answers, and where that solver fails.
-        program_options: among :func:`options`; see `Prices.read`.
+            opinion. The core solves the program if none is named, or if that solver fails.
+        program_options: options among :func:`options`; see `Prices.read`.
 
     Raises:
         UnknownNameError: on an unknown program or solver; the message lists the choices.
         InvalidInputError: on an unknown option or a value that the program refuses.
     """
-    plan, prices, inputs = _read(program, program_options, input_set)
-    if solver is None and inputs.n_u == 2:
-        return PlanarProgram(plan, prices, inputs)
-    return GeneralProgram(plan, prices, inputs, solver)
+    plan, prices, input_set = _read(program, program_options, input_set)
+    if solver is None and input_set.n_u == 2:
+        return PlanarProgram(plan, prices, input_set)
+    return GeneralProgram(plan, prices, input_set, solver)
 
 
 def make_batch(
@@ -77,9 +77,9 @@ def make_batch(
     """Return a program for N states of two inputs at once.
 
     Args:
-        program: as :func:`make` takes it, like all others. There is no solver to choose.
-        input_set: U.
-        program_options: among :func:`options`.
+        program: as :func:`make` takes it. There is no solver to choose.
+        input_set: U; the paper's box unless given.
+        program_options: options among :func:`options`.
 
     Raises:
         InvalidInputError: as :func:`make`, or on an input set that is not planar.
@@ -88,13 +88,13 @@ def make_batch(
 
 
 def _read(
-    program: Named, given: dict[str, Any], input_set: InputSet | None
+    program: Named, program_options: dict[str, Any], input_set: InputSet | None
 ) -> tuple[Plan, Prices, InputSet]:
+    """Return the validated arguments of a program."""
     plan = plan_of(program)
     name = program if isinstance(program, str) else plan
-    check_options(f"program {name}", given, plan.options)
-    return (
-        plan,
-        Prices.read(plan, **given),
-        Box.symmetric(5.0) if input_set is None else input_sets.read("input_set", input_set),
-    )
+    check_options(f"program {name}", program_options, plan.options)
+    prices = Prices.read(plan, **program_options)
+    if input_set is None:
+        return plan, prices, Box.symmetric(5.0)
+    return plan, prices, input_sets.read("input_set", input_set)

@@ -1,4 +1,4 @@
-"""Which rows conflict now, which priority pays for it, and how far a row's set has shrunk."""
+"""Finds which rows of a state conflict, and how far a relaxed row's set has grown."""
 
 from typing import NamedTuple
 
@@ -16,14 +16,14 @@ from hcbf_gym.programs.result import FilterResult
 
 
 class ConflictReport(NamedTuple):
-    """Why no input meets all rows.
+    """A conflict: rows that no input meets together.
 
     Attributes:
         rows: indices of an irreducible infeasible subset: without any one of them, the others can
             be met in U. Rows of higher priority are preferred.
         needs_input_set: whether U's limits are part of the conflict, that is, whether an unbounded
             input could meet these rows.
-        paid: priority → the largest violation among its rows, for the priorities that pay.
+        paid: priority → the largest violation among its rows, for each violated priority.
     """
 
     rows: tuple[int, ...]
@@ -34,18 +34,18 @@ class ConflictReport(NamedTuple):
 def conflict_report(
     rows: CbfRows, result: FilterResult, input_set: InputSet
 ) -> ConflictReport | None:
-    """Report the conflict among the rows of one state, or None where there is none.
+    """Return the conflict among the rows of one state; None if an input meets all of them.
 
     The subset is found by a deletion filter: rows are left out one by one, the lowest priority
     first, as long as the rest stays infeasible.
 
     Args:
         rows: the rows of one state.
-        result: what a program made of them.
+        result: the result of a program for these rows.
         input_set: U, or a bounded action space of Gymnasium.
 
     Raises:
-        InvalidInputError: on malformed rows, another result than theirs, or no U.
+        InvalidInputError: if rows are malformed, the result is of others, or U is not one.
     """
     input_set = input_sets.read("input_set", input_set)
     check_rows(rows, input_set.n_u)
@@ -61,36 +61,36 @@ def conflict_report(
 def conflict_among(
     rows: CbfRows, slack: Array, admissible: tuple[Array, Array]
 ) -> ConflictReport | None:
-    """Report the conflict among rows that are sound; see `conflict_report`.
+    """Return the conflict among well-formed rows; see `conflict_report`.
 
     Args:
         rows: the rows of one state.
-        slack: (m,) what a program violates them by.
+        slack: (m,) the violation of each row by a program's input.
         admissible: A (V, n_u) and b (V,) of ``U = {u : A u ≥ b}``.
     """
-    kept = np.argsort(rows.priority, kind="stable")
-    if _feasible(rows, kept, admissible):
+    subset = np.argsort(rows.priority, kind="stable")
+    if _is_feasible(rows, subset, admissible):
         return None
-    for row in kept[::-1]:
-        rest = kept[kept != row]
-        if not _feasible(rows, rest, admissible):
-            kept = rest
+    for row in subset[::-1]:
+        rest = subset[subset != row]
+        if not _is_feasible(rows, rest, admissible):
+            subset = rest
     unbounded = (admissible[0][:0], admissible[1][:0])
     paid = {
         int(priority): float(slack[rows.priority == priority].max())
         for priority in np.unique(rows.priority[slack > 0.0])
     }
-    return ConflictReport(
-        tuple(sorted(int(row) for row in kept)), _feasible(rows, kept, unbounded), paid
-    )
+    indices = tuple(sorted(int(row) for row in subset))
+    return ConflictReport(indices, _is_feasible(rows, subset, unbounded), paid)
 
 
-def _feasible(rows: CbfRows, kept: Integers, limits: tuple[Array, Array]) -> bool:
-    a, b = rows.a[kept], rows.b[kept]
-    constant = np.einsum("ij,ij->i", a, a) <= _core.ZERO_GRADIENT**2
-    if (b[constant] > 0.0).any():
+def _is_feasible(rows: CbfRows, subset: Integers, halfspaces: tuple[Array, Array]) -> bool:
+    """Return whether an input within the halfspaces A u ≥ b meets all rows of a subset."""
+    a, b = rows.a[subset], rows.b[subset]
+    is_constant = np.einsum("ij,ij->i", a, a) <= _core.ZERO_GRADIENT**2
+    if (b[is_constant] > 0.0).any():  # no input changes such a row
         return False
-    a, b = np.concatenate((limits[0], a)), np.concatenate((limits[1], b))
+    a, b = np.concatenate((halfspaces[0], a)), np.concatenate((halfspaces[1], b))
     return _core.nearest_point(a, b, np.zeros(a.shape[1])) is not None
 
 

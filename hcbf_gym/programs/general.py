@@ -1,6 +1,6 @@
 """The programs of any number of inputs; each stage is a projection on a polyhedron.
 
-The core answers (`core/include/hcbf/general_cascade.hpp`), or a QP solver by name in its place.
+The core computes the projections (`core/include/hcbf/general_cascade.hpp`), or a QP solver by name.
 """
 
 from typing import Any
@@ -23,10 +23,10 @@ class GeneralProgram(Program):
     """A program of any number of inputs for a single state.
 
     Args:
-        plan: what is solved.
-        prices: its numbers.
+        plan: the stages that are solved.
+        prices: the weights of violations.
         input_set: U.
-        solver: the name of one that answers in the place of the core, unless it fails.
+        solver: the name of a QP solver that computes the projections, unless it fails.
 
     Raises:
         UnknownNameError: if no such solver is installed.
@@ -57,16 +57,16 @@ class GeneralProgram(Program):
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter one nominal input; see :class:`Program`."""
         n_u = self.input_set.n_u
-        desired = finite_array("u_nominal", floats("u_nominal", u_nominal, (n_u,)), (n_u,))
+        u_nominal = finite_array("u_nominal", floats("u_nominal", u_nominal, (n_u,)), (n_u,))
         check_rows(rows, n_u)
         if rows.alpha2_psi is None:
             rows = self.prices.complete(rows)
         m = rows.b.size
-        answer = np.empty(n_u + 2 * m + 1)
+        answer = np.empty(n_u + 2 * m + 1)  # u, slack, delta, status
         solver = None if self.solver is None else Solver(self.solver)
         try:
-            hard = self._core.filter(
-                np.ascontiguousarray(desired),
+            fallbacks = self._core.filter(
+                np.ascontiguousarray(u_nominal),
                 np.ascontiguousarray(rows.a, np.float64),
                 np.ascontiguousarray(rows.b, np.float64),
                 np.ascontiguousarray(rows.h, np.float64),
@@ -76,13 +76,14 @@ class GeneralProgram(Program):
                 self.input_set.project,
                 answer,
             )
-            solved = bool(np.isfinite(answer[:n_u]).all())  # where no square overflows
+            is_solved = bool(np.isfinite(answer[:n_u]).all())  # squares may overflow
         except SolverError:
-            hard, solved = 0, False
-        fallbacks = hard + (0 if solver is None else solver.fallbacks)
-        if not solved:
+            fallbacks, is_solved = 0, False
+        if solver is not None:
+            fallbacks += solver.fallbacks
+        if not is_solved:
             braking = np.zeros(n_u)
             slack = _core.violation(rows.a, rows.b, braking, self.input_set.radius)
             return FilterResult(braking, slack, slack.copy(), FilterStatus.BACKUP, fallbacks)
-        u, slack, delta = np.split(answer[:-1], (n_u, n_u + m))
-        return FilterResult(u, slack, delta, FilterStatus(int(answer[-1])), fallbacks)
+        u, slack, delta, status = np.split(answer, (n_u, n_u + m, n_u + 2 * m))
+        return FilterResult(u, slack, delta, FilterStatus(int(status[0])), fallbacks)

@@ -1,8 +1,8 @@
 """The programs of two inputs: N states in one call of the core; one state is the case N = 1.
 
-No solver is called: the inputs that the stages leave are polygons, cut and searched in doubles.
-What is given up with that: the violations that a level pays are the least up to rounding, and u is
-as exact as they decide it; see `soft_minimum::keep_least`.
+No solver is called, because the inputs that the stages leave are polygons, which are cut and
+searched in doubles. The price is that the violations of a level are the least up to rounding, and
+that u is as exact as they decide it; see `soft_minimum::keep_least`.
 """
 
 from typing import Any
@@ -24,7 +24,7 @@ _STATUSES = tuple(FilterStatus)
 
 
 class _Compiled:
-    """What one state and N of them share: a program as the core reads it."""
+    """A compiled program of two inputs, for one state or for N."""
 
     def __init__(self, plan: Plan, prices: Prices, input_set: InputSet) -> None:
         if input_set.n_u != 2:
@@ -52,26 +52,28 @@ class _Compiled:
     def settings_of(self, count: int) -> dict[str, Any]:
         """Return the fields of the core's `program_records::Settings` for a filter of N states.
 
-        Corners (1, V, 2) of U and weights (K, 1 + L) are last; K is 1, or N.
-
-        Raises:
-            InvalidInputError: if the weights are those of another number of states.
+        The last two are `vertices` (1, V, 2) of U and `weights` (K, 1 + L); K is 1, or N.
         """
         self.prices.check(count)
         return self._settings.copy()
 
     def _solve(self, u_nominal: Array, rows: CbfRows) -> Array:
-        """Return u, slack, δ and the statuses of all states, one after the other."""
+        """Return u of all states, then all slacks, all δ and all statuses, as one array."""
         if rows.alpha2_psi is None:
             rows = self.prices.complete(rows)
-        shape = rows.b.shape
-        kind, psi = rows.priority.dtype.kind, rows.alpha2_psi
-        fits = rows.a.shape == (*shape, 2) and rows.h.shape == rows.priority.shape == shape
-        fits = fits and type(psi) is np.ndarray and psi.shape == shape and holds_numbers(psi.dtype)
-        if not fits or kind not in "iu":
-            check_shapes(rows, 2)
+        shape, psi = rows.b.shape, rows.alpha2_psi
+        is_checked = (
+            rows.a.shape == (*shape, 2)
+            and rows.h.shape == rows.priority.shape == shape
+            and rows.priority.dtype.kind in "iu"
+            and type(psi) is np.ndarray
+            and psi.shape == shape
+            and holds_numbers(psi.dtype)
+        )
+        if not is_checked:
+            check_shapes(rows, 2)  # raises with a message
         answer = np.empty(3 * (u_nominal.size // 2) + 2 * rows.b.size)
-        if not self._core.filter(
+        is_well_formed = self._core.filter(
             u_nominal,
             np.ascontiguousarray(rows.a, np.float64),
             np.ascontiguousarray(rows.b, np.float64),
@@ -79,7 +81,8 @@ class _Compiled:
             np.ascontiguousarray(rows.priority, np.int64),
             np.ascontiguousarray(psi, np.float64),
             answer,
-        ):
+        )
+        if not is_well_formed:
             finite_array("u_nominal", u_nominal, u_nominal.shape)
             explain(rows)
         return answer
@@ -105,7 +108,7 @@ class PlanarProgram(_Compiled, Program):
 
 
 class BatchProgram(_Compiled):
-    """The same filter as a single program of two inputs, for N states at once."""
+    """A program of two inputs for N states at once; each result is that of the single program."""
 
     def __call__(self, u_nominal: ArrayLike, rows: CbfRows) -> FilterResult:
         """Filter N nominal inputs.
@@ -120,15 +123,15 @@ class BatchProgram(_Compiled):
         Raises:
             InvalidInputError: on malformed input or rows, or weights of another number of states.
         """
-        desired = finite_array("u_nominal", floats("u_nominal", u_nominal), (None, 2))
-        count, dimensions = len(desired), _dimensions(rows)
+        u_nominal = finite_array("u_nominal", floats("u_nominal", u_nominal), (None, 2))
+        count, dimensions = len(u_nominal), _dimensions(rows)
         shape = rows.b.shape
         if dimensions != 2 or shape[0] != count:
             raise InvalidInputError(f"rows.b: got shape {shape}, expected ({count}, m)")
         self.prices.check(count)
-        answer = self._solve(desired, rows)
-        sizes = 2 * count, rows.b.size, rows.b.size
-        u, slack, delta, status = np.split(answer, np.cumsum(sizes))
+        answer = self._solve(u_nominal, rows)
+        u_slack_and_delta = 2 * count, rows.b.size, rows.b.size
+        u, slack, delta, status = np.split(answer, np.cumsum(u_slack_and_delta))
         return FilterResult(
             u.reshape(count, 2),
             slack.reshape(shape),
@@ -139,8 +142,8 @@ class BatchProgram(_Compiled):
 
 
 def _dimensions(rows: CbfRows) -> int:
-    """Return how many axes b has."""
-    parts = rows if isinstance(rows, CbfRows) else (None,)
-    if not all(type(part) is np.ndarray and holds_numbers(part.dtype) for part in parts[:4]):
-        check_shapes(rows, 2)
+    """Return the number of axes of b; refuse rows that are not arrays of numbers."""
+    arrays = rows[:4] if isinstance(rows, CbfRows) else (None,)
+    if not all(type(array) is np.ndarray and holds_numbers(array.dtype) for array in arrays):
+        check_shapes(rows, 2)  # raises with a message
     return rows.b.ndim

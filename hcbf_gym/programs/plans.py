@@ -1,8 +1,8 @@
-r"""The programs: each is a plan, a few choices beside its equation.
+r"""The programs: each is a plan, which consists of a few choices, beside its equation.
 
-Throughout, u ∈ U, rows of one priority are one level, and û_k solves the program of row k alone: it
-is the input of U nearest u* that meets row k or, where none does, violates it least. A plan is read
-by the core's `cascade.hpp`: on polygons for two inputs, on polyhedra for any number of inputs and
+Throughout, u ∈ U, and rows of one priority are one level. û_k solves the program of row k alone: it
+is the input of U nearest u* that meets row k or, if none does, violates it least. The core's
+`cascade.hpp` reads a plan: on polygons for two inputs, on polyhedra for any number of inputs and
 for QP solvers by name.
 """
 
@@ -10,7 +10,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from hcbf_gym.errors import InvalidInputError, UnknownNameError, check_options, choose, shown
+from hcbf_gym.errors import (
+    InvalidInputError,
+    UnknownNameError,
+    check_options,
+    choose,
+    instance,
+    shown,
+)
 
 STRICT = ("first", "all")
 LOWER = ("nothing", "relaxed", "drawn")
@@ -22,24 +29,23 @@ LOCK = ("nothing", "pin", "bound")
 class Plan:
     r"""A program as data: which stages there are, and what each does.
 
-    A stage of strict rows leaves the inputs that meet them or, where none does, violate them least,
-    :math:`\min Σ_k \max(0, b_k − a_k u)²`. A stage of other rows chooses the u that trades what
-    they pay against the distance to u*, :math:`λ_u ‖u^⋆ − u‖² + Σ_k λ_{δ_k} δ_k²`, among the
-    inputs that the stages so far leave. The answer is that of the last stage.
+    A stage of strict rows leaves the inputs that meet them or, if none does, violate them least,
+    :math:`\min Σ_k \max(0, b_k − a_k u)²`. A stage of other rows chooses the u that trades their
+    δ against the distance to u*, :math:`λ_u ‖u^⋆ − u‖² + Σ_k λ_{δ_k} δ_k²`, among the inputs that
+    the earlier stages leave. The program's input is that of the last stage.
 
     Args:
-        strict: the strict rows: those of priority 1 ("first"), or "all" but those of levels to
-            which the user gives a weight.
-        lower: what the other rows pay for: "relaxed" rows for their violation,
-            :math:`δ_k = \max(δ_{min}, b_k − a_k u)`; rows "drawn" to what they get alone for the
-            difference, :math:`δ_k = a_k(û_k − u)`; "nothing" lets them go.
+        strict: the strict rows: "first" for the rows of priority 1; "all" for all rows but those of
+            levels with a weight.
+        lower: the δ of all other rows: "relaxed" for their violation,
+            :math:`δ_k = \max(δ_{min}, b_k − a_k u)`; "drawn" for the difference from the value
+            that a row has alone, :math:`δ_k = a_k(û_k − u)`; "nothing" to ignore these rows.
         order: the stages: the strict rows, then all others "at once"; or "by level".
-        lock: what later stages keep of a level that paid: "pin" each row's value, "bound" each
-            row's violation; "nothing" if all is done at once.
+        lock: what later stages keep of a relaxed level: "pin" each row's value, "bound" each row's
+            violation; "nothing" if there is no later stage.
 
     Raises:
-        InvalidInputError: on other values; if rows are locked that do not pay by level, or the
-            other way round.
+        InvalidInputError: on other values; if a plan by level has no lock, or another plan has one.
     """
 
     strict: str
@@ -61,7 +67,7 @@ class Plan:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """The options of its programs; see `Prices`."""
+        """The options of programs with this plan; see `Prices.read`."""
         if self.lower == "nothing":
             return ()
         if self.strict == "all":
@@ -146,21 +152,20 @@ def names() -> list[str]:
 
 
 def register(name: str, plan: Plan) -> None:
-    """Make a plan known by a name, wherever the name of a program is taken.
+    """Name a plan, so that the name is valid wherever a program is named.
 
     Args:
-        name: not yet taken by another plan.
+        name: a name that no other plan has.
         plan: the program.
 
     Raises:
-        InvalidInputError: if the name is taken or no text, or the plan is none.
+        InvalidInputError: if the name is taken or not a text, or `plan` is not a plan.
     """
     if not isinstance(name, str) or not name:
         raise InvalidInputError(
             f"program name: got {shown(name)}, expected a text that is not empty"
         )
-    if not isinstance(plan, Plan):
-        raise InvalidInputError(f"plan: got {shown(plan)}, expected a Plan")
+    instance("plan", plan, Plan)
     if _PLANS.get(name, plan) != plan:
         raise InvalidInputError(
             f"program name: got {name!r}, expected one that is not taken; taken: {sorted(_PLANS)}"

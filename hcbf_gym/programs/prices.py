@@ -1,4 +1,4 @@
-"""What rows that are not strict pay under a plan: λ_δ, λ_u and δ_min, read from its options.
+"""The prices of violations under a plan: λ_δ, λ_u and δ_min, read from the plan's options.
 
 ``λ_δ(h) = γ₀`` where h > 0, else ``γ₀ (1 + Δγ |h|)`` (paper, section III-C).
 """
@@ -19,11 +19,11 @@ class Prices(NamedTuple):
     """The numbers of a program, beside its plan.
 
     Attributes:
-        weights: (K, 1 + L) Δγ, then γ₀ of each priority from 2 on, the last one repeated; infinity
-            is a strict level.
-        states: for how many states of a batch the weights are; None is any number, and K is 1.
+        weights: (K, 1 + L) Δγ, then γ₀ of each priority from 2 on. The last γ₀ holds for all lower
+            priorities too; infinity makes a level strict.
+        states: K, the number of states with weights of their own; None if all share one row.
         lambda_u: λ_u.
-        known_offset: whether δ_min comes from α₂(ψ); 0 if not.
+        known_offset: whether δ_min follows from α₂(ψ); if not, it is 0.
     """
 
     weights: Array = np.array([[0.0, np.inf]])
@@ -42,10 +42,10 @@ class Prices(NamedTuple):
         epsilon: str = "zero",
         weights: Sequence[float | None] = (),
     ) -> "Prices":
-        """Return the prices of a plan's options.
+        """Return the prices that the options of a plan determine.
 
         Args:
-            plan: `Plan.options` names which of them it has.
+            plan: the program, which has the options that `Plan.options` names.
             gamma0: γ₀ ≥ 0, or one for each priority from 2 on, the last one repeated; (N, levels)
                 for a batch whose N states have weights of their own.
             delta_gamma: Δγ ≥ 0, 1.3 unless given, 0 beside `weights`; (N, 1) for such a batch.
@@ -62,19 +62,19 @@ class Prices(NamedTuple):
         """
         if plan.lower == "nothing":
             return cls() if plan.strict == "all" else cls(np.zeros((1, 2)))
-        known = choose("epsilon", epsilon, {"zero": False, "known": True})
-        price = finite_float("lambda_u", lambda_u, minimum=0.0)
+        known_offset = choose("epsilon", epsilon, {"zero": False, "known": True})
+        lambda_u = finite_float("lambda_u", lambda_u, minimum=0.0)
         if plan.strict == "all":
             slope = 0.0 if delta_gamma is None else delta_gamma
-            return cls(_of_levels(weights, slope), None, price, known)
+            return cls(_weights_of_levels(weights, slope), None, lambda_u, known_offset)
         slope = 1.3 if delta_gamma is None else delta_gamma
-        return cls(*_of_states(gamma0, slope), price, known)
+        return cls(*_weights_of_states(gamma0, slope), lambda_u, known_offset)
 
     def check(self, states: int) -> None:
-        """Refuse a batch of another number of states.
+        """Refuse to solve for N `states`, if the weights are for another number of states.
 
         Raises:
-            InvalidInputError: if the weights are for that of others.
+            InvalidInputError: if they are.
         """
         if self.states not in (None, states):
             raise InvalidInputError(
@@ -82,10 +82,10 @@ class Prices(NamedTuple):
             )
 
     def complete(self, rows: CbfRows) -> CbfRows:
-        """Return rows without α₂(ψ) with an array for it, which the core does not read.
+        """Return rows that lack α₂(ψ) with b in its place, which the core then does not read.
 
         Raises:
-            InvalidInputError: if ε is to be known and the rows do not carry α₂(ψ).
+            InvalidInputError: if ε is "known", which requires α₂(ψ).
         """
         if self.known_offset:
             raise InvalidInputError(
@@ -94,8 +94,8 @@ class Prices(NamedTuple):
         return rows._replace(alpha2_psi=rows.b)
 
 
-def _of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) -> Array:
-    """Return the weights of the priorities from 1 on; None, and what is beyond, is strict."""
+def _weights_of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) -> Array:
+    """Return the table (1, 1 + L) of weights of the priorities from 1 on; None is strict."""
     if isinstance(weights, str) or not isinstance(weights, Sequence):
         raise InvalidInputError(
             f"weights: got {shown(weights)}, expected a list of numbers or None"
@@ -104,33 +104,34 @@ def _of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) -> Array
         raise InvalidInputError(f"weights: got {shown(weights[0])} for priority 1, expected None")
     slope = finite_float("delta_gamma", delta_gamma, minimum=0.0)
     levels = [np.inf if w is None else finite_float("weights", w, minimum=0.0) for w in weights[1:]]
-    return np.array([[slope, *levels, np.inf]])
+    return np.array([[slope, *levels, np.inf]])  # all priorities beyond the end are strict
 
 
-def _of_states(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, int | None]:
-    """Return the table of weights, and for how many states it is."""
-    given = _numbers("delta_gamma", delta_gamma, 1), _numbers("gamma0", gamma0, None)
-    states = {len(value) for value, is_of_states in given if is_of_states}
-    if len(states) > 1:
+def _weights_of_states(gamma0: ArrayLike, delta_gamma: ArrayLike) -> tuple[Array, int | None]:
+    """Return the table (K, 1 + L) of weights; and K, or None if all states share one row."""
+    slopes, levels = _numbers("delta_gamma", delta_gamma, 1), _numbers("gamma0", gamma0, None)
+    state_counts = {len(array) for array in (slopes, levels) if array.ndim == 2}
+    if len(state_counts) > 1:
         raise InvalidInputError(
-            f"gamma0 and delta_gamma: got weights of {sorted(states)} states, expected as many"
+            f"gamma0 and delta_gamma: got weights of {sorted(state_counts)} states, "
+            "expected as many"
         )
-    count = states.pop() if states else None
-    columns = [np.broadcast_to(v, (count or 1, v.shape[1])) for v, _ in given]
+    count = state_counts.pop() if state_counts else None
+    columns = [np.broadcast_to(array, (count or 1, array.shape[-1])) for array in (slopes, levels)]
     return np.concatenate(columns, axis=1), count
 
 
-def _numbers(name: str, value: Any, columns: int | None) -> tuple[Array, bool]:
-    """Return weights as an array of one row for each state, and whether it names states."""
-    if isinstance(value, np.ndarray) and value.ndim == 2 and value.size:
-        array = finite_array(name, value, (None, columns))
-        if (array < 0.0).any():
-            raise InvalidInputError(f"{name}: got {array.min()}, expected numbers >= 0.0")
-        return array, True
-    is_list = columns is None and isinstance(value, Sequence | np.ndarray)
-    is_list = is_list and not isinstance(value, bytes)
-    is_list = is_list and not (isinstance(value, np.ndarray) and value.ndim == 0)
+def _numbers(name: str, value: Any, columns: int | None) -> Array:
+    """Return weights of single states as (N, columns), or weights that all share as (columns,)."""
+    is_array = isinstance(value, np.ndarray)
+    if is_array and value.ndim == 2 and value.size:
+        of_states = finite_array(name, value, (None, columns))
+        if (of_states < 0.0).any():
+            raise InvalidInputError(f"{name}: got {of_states.min()}, expected numbers >= 0.0")
+        return of_states
+    is_list = value.ndim > 0 if is_array else isinstance(value, Sequence)
+    is_list &= columns is None and not isinstance(value, bytes)
     entries = list(value) if is_list else [value]
     if not entries:
         raise InvalidInputError(f"{name}: got an empty list, expected at least one weight")
-    return np.array([[finite_float(name, entry, minimum=0.0) for entry in entries]]), False
+    return np.array([finite_float(name, entry, minimum=0.0) for entry in entries])

@@ -1,4 +1,4 @@
-"""What every program shares: how it is called, and the check of its rows."""
+"""The base class of all programs, and the checks of the rows that they read."""
 
 from abc import ABC, abstractmethod
 from typing import NoReturn
@@ -19,8 +19,8 @@ class Program(ABC):
     """A safety filter ``(u*, rows) → FilterResult``: a plan with its prices over one input set.
 
     Attributes:
-        plan: what is solved.
-        prices: its numbers.
+        plan: the stages that are solved.
+        prices: the weights of violations.
         input_set: U.
     """
 
@@ -37,8 +37,8 @@ class Program(ABC):
             rows: the rows of one state, m ≥ 0.
 
         Returns:
-            The filtered input and what it costs. Where no solver has an answer, the braking
-            action 0 with status BACKUP.
+            The filtered input and the violations. If every solver fails, it is the braking action
+            0 with the status BACKUP.
 
         Raises:
             InvalidInputError: on malformed input or rows.
@@ -55,33 +55,30 @@ def check_rows(rows: CbfRows, n_u: int) -> None:
     check_shapes(rows, n_u)
     if rows.alpha2_psi is not None and not np.isfinite(rows.alpha2_psi).all():
         raise InvalidInputError(f"rows.alpha2_psi: got {rows.alpha2_psi}, expected finite numbers")
-    parts = rows.a, rows.b, rows.h, rows.priority
-    states = zip(*parts, strict=True) if rows.b.ndim > 1 else [parts]
+    arrays = rows.a, rows.b, rows.h, rows.priority
+    states = zip(*arrays, strict=True) if rows.b.ndim > 1 else [arrays]
     if not all(_core.well_formed(*state) for state in states):
         explain(rows)
 
 
 def check_shapes(rows: CbfRows, n_u: int) -> None:
-    """Refuse rows whose arrays do not fit each other, or whose priorities are no integers.
-
-    Raises:
-        InvalidInputError: on such rows.
-    """
+    """Refuse rows whose arrays do not fit each other, or whose priorities are no integers."""
     instance("rows", rows, CbfRows)
-    for name, part in zip(CbfRows._fields, rows, strict=True):
-        is_left_out = part is None and name == "alpha2_psi"
-        if not is_left_out and not (type(part) is np.ndarray and holds_numbers(part.dtype)):
+    for name, value in rows._asdict().items():
+        if value is None and name == "alpha2_psi":
+            continue
+        if not (type(value) is np.ndarray and holds_numbers(value.dtype)):
             raise InvalidInputError(
-                f"rows.{name}: got {shown(part)}, expected an array of real numbers"
+                f"rows.{name}: got {shown(value)}, expected an array of real numbers"
             )
     shape = rows.b.shape
-    expected = {"a": (*shape, n_u), "h": shape, "priority": shape}
+    expected_shapes = {"a": (*shape, n_u), "h": shape, "priority": shape}
     if rows.alpha2_psi is not None:
-        expected["alpha2_psi"] = shape
-    for name, needed in expected.items():
+        expected_shapes["alpha2_psi"] = shape
+    for name, expected in expected_shapes.items():
         got = getattr(rows, name).shape
-        if got != needed:
-            raise InvalidInputError(f"rows.{name}: got shape {got}, expected {needed}")
+        if got != expected:
+            raise InvalidInputError(f"rows.{name}: got shape {got}, expected {expected}")
     if rows.priority.dtype.kind not in "iu":
         raise InvalidInputError(
             f"rows.priority: got {rows.priority.dtype}, expected integers from 1"
@@ -89,7 +86,7 @@ def check_shapes(rows: CbfRows, n_u: int) -> None:
 
 
 def explain(rows: CbfRows) -> NoReturn:
-    """Raise the error of entries that are not finite, or priorities with a gap."""
+    """Raise the error of malformed rows: an entry is not finite, or the priorities have a gap."""
     for name in ("a", "b", "h", "alpha2_psi"):
         value = getattr(rows, name)
         if value is not None and not np.isfinite(value).all():

@@ -1,7 +1,7 @@
-"""QP solvers by name, as second opinions: each answers the core's projections on polyhedra.
+"""QP solvers by name, as second opinions: they compute projections in place of the core.
 
-All read ``minimise ½‖x − centre‖² subject to a x ≥ lower``, rows of norms from 1/2 to 1; the point
-is checked. Each is imported when it is first called: without a name none is.
+Each solves ``minimise ½‖x − centre‖² subject to a x ≥ lower``, with rows of norms from 1/2 to 1,
+and its point is checked. A solver is imported when it is called first.
 """
 
 import importlib
@@ -14,10 +14,10 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import SolverError, choose
 
-PRIMAL = 1e-7
+PRIMAL_TOLERANCE = 1e-7
 """The distance by which a solver's point may miss a row, relative to 1 + max|x|."""
 
-# Where a solver's own default is too loose to pass that check, or to agree with others.
+# for solvers whose defaults are too loose to pass that check, or to agree with others
 SETTINGS: dict[str, dict[str, Any]] = {
     "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20000},
@@ -38,29 +38,33 @@ def check_solver(name: str) -> str:
     Raises:
         UnknownNameError: if no solver of that name is installed; the message lists those that are.
     """
-    if isinstance(name, str) and name == "daqp":  # which needs no look around
+    if isinstance(name, str) and name == "daqp":  # a dependency of the package
         return name
     return choose("solver", name, {known: known for known in solver_names()})
 
 
 def solve(solver: str, centre: Array, a: Array, lower: Array) -> Array | None:
-    """Return the minimiser (n,) that a solver finds; None where it finds none, or misses a row.
+    """Return the minimiser (n,) that a solver finds; None if it finds none, or misses a row.
 
     Args:
         solver: one of :func:`solver_names`.
-        centre: (n,) the point to stay near.
-        a: (k, n) rows.
-        lower: (k,) their bounds.
+        centre: (n,) the point that is projected.
+        a: (k, n) gradients of the rows.
+        lower: (k,) lower bounds of the rows.
     """
-    answer = _daqp(centre, a, lower) if solver == "daqp" else _found(solver, centre, a, lower)
-    if answer is None:
+    if solver == "daqp":
+        x = _solve_by_daqp(centre, a, lower)
+    else:
+        x = _solve_by_qpsolvers(solver, centre, a, lower)
+    if x is None:
         return None
-    x = np.ascontiguousarray(answer, np.float64)
-    missed = (lower - a @ x).max(initial=0.0)
-    return x if missed <= PRIMAL * (1.0 + np.abs(x).max()) else None  # NaN fails
+    x = np.ascontiguousarray(x, np.float64)
+    violation = (lower - a @ x).max(initial=0.0)
+    tolerance = PRIMAL_TOLERANCE * (1.0 + np.abs(x).max())
+    return x if violation <= tolerance else None  # NaN fails
 
 
-def _daqp(centre: Array, a: Array, lower: Array) -> Any:
+def _solve_by_daqp(centre: Array, a: Array, lower: Array) -> Any:
     import daqp
 
     upper, sense = np.full(lower.size, np.inf), np.zeros(lower.size, dtype=np.intc)
@@ -70,11 +74,11 @@ def _daqp(centre: Array, a: Array, lower: Array) -> Any:
 
 
 def _qpsolvers() -> Any:
-    """Return the module, imported at need: it imports all that it finds, JAX and others for 1 s."""
+    """Return the module, imported at need, because it imports all solvers in about 1 s."""
     return importlib.import_module("qpsolvers")
 
 
-def _found(solver: str, centre: Array, a: Array, lower: Array) -> Any:
+def _solve_by_qpsolvers(solver: str, centre: Array, a: Array, lower: Array) -> Any:
     import scipy.sparse
 
     qpsolvers = _qpsolvers()
@@ -82,31 +86,27 @@ def _found(solver: str, centre: Array, a: Array, lower: Array) -> Any:
     problem = qpsolvers.Problem(matrix(np.eye(centre.size)), -centre, matrix(-a), -lower)
     with warnings.catch_warnings():  # backends warn of their own deprecations and of accuracy
         warnings.simplefilter("ignore")
-        answer = qpsolvers.solve_problem(problem, solver=solver, **SETTINGS.get(solver, {}))
-    return answer.x if answer.found else None
+        solution = qpsolvers.solve_problem(problem, solver=solver, **SETTINGS.get(solver, {}))
+    return solution.x if solution.found else None
 
 
 class Solver:
-    """A solver with the core behind it, which counts how often that was needed.
+    """A solver by name, with the core in reserve.
 
-    Args:
+    Attributes:
         name: one of :func:`solver_names`.
+        fallbacks: how often the solver failed and the core solved the problem.
     """
 
     def __init__(self, name: str) -> None:
         self.name, self.fallbacks = name, 0
 
     def project(self, centre: Array, a: Array, lower: Array, nonempty: bool) -> Array | None:
-        """Return the minimiser (n,), or None where the rows leave nothing; see `solve`.
-
-        Args:
-            centre: (n,) the point to stay near.
-            a: (k, n) rows.
-            lower: (k,) their bounds.
-            nonempty: whether there is a minimiser by construction: then None is not returned.
+        """Return the minimiser (n,), or None if no point meets all rows; see `solve`.
 
         Raises:
-            SolverError: if there is one, and neither the solver finds it nor the core.
+            SolverError: if there is a minimiser by construction (`nonempty`), and neither the
+                solver finds it nor the core.
         """
         x = solve(self.name, centre, a, lower)
         if x is None:

@@ -1,4 +1,4 @@
-"""What a program returns: the input, what each row pays for it, and how it was found."""
+"""The result of a program: the input, the violation of each row, and a status."""
 
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -9,13 +9,13 @@ from hcbf_gym.arrays import Array
 class FilterStatus(IntEnum):
     """How the input relates to the nominal one, to the rows and to the state.
 
-    Of several that apply, the status is the one named last. NOMINAL: u = u*, every row met.
-    SAFE: u ≠ u*, every row met. RELAXED: a row of priority 2 or lower is violated. VIOLATED: a row
-    of priority 1 is violated (for ``cbf-qp``: any row); the violation is the least there is. The
-    wrapper also reports it where an episode, a state after none, or other barriers begin with
-    h − m or ψ of priority 1 below zero, until they are not: every row may be met, and prove
-    nothing. UNSAFE, of the wrapper alone: a barrier of priority 1 is below zero. BACKUP: the filter
-    brakes; of a program, because every solver failed, and u is 0.
+    If several apply, the status is the one named last. NOMINAL: u = u*, and every row is met.
+    SAFE: u ≠ u*, and every row is met. RELAXED: a row of priority 2 or lower is violated. VIOLATED:
+    a row of priority 1 is violated as little as possible (for ``cbf-qp``: any row). A filter also
+    reports it after a reset, an invalid state or a change of barriers, while h − m or ψ of priority
+    1 is below zero: every row may then be met, and prove nothing. UNSAFE, of a filter alone: a
+    barrier of priority 1 is below zero. BACKUP: the filter brakes; a program, because every solver
+    failed, and u is 0.
     """
 
     NOMINAL = 0
@@ -27,7 +27,7 @@ class FilterStatus(IntEnum):
 
 
 class FilterResult(NamedTuple):
-    """A program's answer; for a batch of N states every entry has a leading N.
+    """The result of a program; for a batch of N states every entry has a leading N.
 
     Attributes:
         u: (n_u,) the filtered input, in U.
@@ -36,8 +36,8 @@ class FilterResult(NamedTuple):
             hierarchical programs' signed ``a_k·(û_k − u)``; elsewhere, and for rows of priority
             1, the slack.
         status: a :class:`FilterStatus`; (N,) integers for a batch.
-        fallbacks: how many projections of this call took twice a double's digits or, with a solver
-            by name, the core; 0 for the compiled programs of two inputs.
+        fallbacks: how many projections of this call required twice the digits of a double or, with
+            a solver by name, the core; 0 for the compiled programs of two inputs.
     """
 
     u: Array

@@ -178,7 +178,7 @@ def test_a_point_that_misses_a_row_is_not_accepted(monkeypatch):
     problem = np.zeros(2), np.eye(2), np.ones(2)
     np.testing.assert_allclose(qp.solve("daqp", *problem), [1.0, 1.0])
     for missing in (np.zeros(2), np.full(2, np.nan)):
-        monkeypatch.setattr(qp, "_daqp", lambda *_, x=missing: x)
+        monkeypatch.setattr(qp, "_solve_by_daqp", lambda *_, x=missing: x)
         assert qp.solve("daqp", *problem) is None
 
 
@@ -197,7 +197,7 @@ def test_the_core_answers_where_a_solver_fails_and_is_counted(name, monkeypatch)
     program = programs.make(name, solver="daqp")
     expected = program(np.zeros(2), CONFLICT)
     assert expected.fallbacks == 0
-    monkeypatch.setattr(qp, "_daqp", lambda *_: None)
+    monkeypatch.setattr(qp, "_solve_by_daqp", lambda *_: None)
     result = program(np.zeros(2), CONFLICT)
     np.testing.assert_allclose(result.u, expected.u, atol=1e-7)
     assert result.status is expected.status
@@ -206,7 +206,7 @@ def test_the_core_answers_where_a_solver_fails_and_is_counted(name, monkeypatch)
 
 @pytest.mark.parametrize("name", NAMES)
 def test_where_nothing_answers_the_robot_brakes_with_that_status(name, monkeypatch):
-    monkeypatch.setattr(qp, "_daqp", lambda *_: None)
+    monkeypatch.setattr(qp, "_solve_by_daqp", lambda *_: None)
     monkeypatch.setattr(_core, "nearest_point", lambda *_: None)
     result = programs.make(name, solver="daqp")(np.array([-1.0, 1.0]), CONFLICT)
     np.testing.assert_array_equal(result.u, [0.0, 0.0])

@@ -94,9 +94,9 @@ def test_one_plant_reports_every_field_as_an_array_or_a_scalar_of_numpy(solver):
     _, at_reset = env.reset(seed=0)
     *_, at_step = env.step(U)
     for reported in (at_reset["safety_filter"], at_step["safety_filter"]):
-        assert {*(bound.plant_dtype(2).names or ()), *(bound.ROW.names or ())} <= set(reported)
-        for name in bound.plant_dtype(2).names or ():
-            kind = bound.plant_dtype(2)[name]
+        assert {*(bound.report_dtype(2).names or ()), *(bound.ROW.names or ())} <= set(reported)
+        for name in bound.report_dtype(2).names or ():
+            kind = bound.report_dtype(2)[name]
             assert np.shape(reported[name]) == kind.shape
             assert np.asarray(reported[name]).dtype == kind.base
             assert isinstance(reported[name], np.ndarray | np.generic)
