@@ -204,7 +204,7 @@ def _try(family: Family, seed: int) -> None:
         own = [family.policies[0][0]]
     for name in own:
         if policies.is_own(name) and not attacks.is_attack(name):
-            env, _ = certify.made(family)
+            env, _ = certify.make(family)
             policies.try_out(name, env, seed)
             env.close()
         trial = replace(family, policies=((name, 1.0),), steps=2)
