@@ -104,13 +104,13 @@ class Page:
             if snapshot.time < self._time:
                 self._stage.restart()
                 self._plots.restart()
-            if snapshot.revision != self._revision or self.controls.stale():
+            if snapshot.revision != self._revision or self.controls.pop_stale():
                 self._stage.show_scene(snapshot.scenario, snapshot.time)
-                self.controls.agree(snapshot)
+                self.controls.show(snapshot)
                 self._show_field(snapshot.scenario if self.controls.show_field else None)
             self._revision, self._time = snapshot.revision, snapshot.time
             self._stage.move(snapshot.position, snapshot.poses, snapshot.reference, snapshot.time)
-            self.controls.follow(snapshot)
+            self.controls.move_stick(snapshot)
             if self.controls.follows:
                 self._follow(snapshot.position)
             if self._count % SLOWER == 0:
@@ -131,7 +131,7 @@ class Page:
 
     def _part(self, client: viser.ClientHandle) -> None:
         self._aside.pop(client.client_id, None)
-        self.controls.left(client.client_id)
+        self.controls.release(client.client_id)
 
     def _follow(self, position: Array) -> None:
         """Bring the robot back to its place in every browser's view where it has left it."""
