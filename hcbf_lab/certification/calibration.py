@@ -107,12 +107,9 @@ def calibrate(
             rounds.append(_round_of("search", margins, seed, attacked))
             seed += GENERATIONS
             seen = [*seen, *attacked]
-        reserves = needed(margins, seen, share)
-        if not may_lower:
-            reserves = {
-                name: max(getattr(margins, name), reserve) for name, reserve in reserves.items()
-            }
-        margins = margins._replace(**reserves)
+        for name, reserve in needed(margins, seen, share).items():
+            raised = max(getattr(margins, name), reserve)
+            margins = margins._replace(**{name: reserve if may_lower else raised})
         _check_room(margins, seen, v_max)
         if not may_lower and not rounds[-1].entered:
             return Calibrated(margins, tuple(rounds))
@@ -126,9 +123,9 @@ def calibrate(
 
 
 def needed(margins: Uncertainty, seen: Iterable[Seen], share: float) -> dict[str, float]:
-    """Return the reserve that all but a share of such episodes need, by the margin's name.
+    """Return the reserve of each margin that all but a share of such episodes need.
 
-    A margin is missing if no episode had a condition that it is for.
+    A margin is left out if no episode had a condition that it is for.
     """
     episodes = list(seen)
     needs = {
@@ -178,21 +175,14 @@ def _round_of(what: str, margins: Uncertainty, first_seed: int, seen: Sequence[S
     """Return the record of a round from the records of its episodes."""
     least_speed_h = min(episode.least_speed_h for episode in seen)
     return Round(
-        what=what,
-        margins=margins._asdict(),
-        first_seed=first_seed,
-        episodes=len(seen),
-        entered=sum(episode.entered for episode in seen),
-        least_h=min(episode.least_h for episode in seen),
+        what, margins._asdict(), first_seed, episodes=len(seen),
+        entered=sum(s.entered for s in seen), least_h=min(s.least_h for s in seen),
         least_speed_h=least_speed_h if np.isfinite(least_speed_h) else None,
-    )
+    )  # fmt: skip
 
 
 def _check_plant(seen: Sequence[Seen]) -> None:
-    """Refuse a plant that falls, or that makes the filter's monitor raise alarms, in most episodes.
-
-    An alarm means that the plant does not behave as it is declared.
-    """
+    """Refuse a plant that falls, or that differs from the declared one, in most episodes."""
     falls = sum(episode.fell for episode in seen)
     if 2 * falls > len(seen):
         raise RefusedError(

@@ -137,8 +137,7 @@ class Frozen:
         """Return the fields of a `Certificate` that are known before its episodes.
 
         Raises:
-            RefusedError: if the plant declares something else when it is made again, or an object
-                without a hash. Then no later plant could be recognised as this one.
+            RefusedError: if no later plant could be recognised as this one.
         """
         declared, declared_again = (plant_of(self.family)[1] for _ in range(2))
         differ = [name for name in declared if declared[name] != declared_again.get(name)]
@@ -162,10 +161,7 @@ class Frozen:
 
 
 def commit() -> str:
-    """Return the commit of the packages' checkout, with a + if files were edited since.
-
-    It is "" if the packages are no checkout, or git does not answer.
-    """
+    """Return the commit of the packages' checkout, with a + after edits; "" without a checkout."""
     root = PACKAGE.parent
     if not (root / ".git").exists():
         return ""
@@ -182,12 +178,7 @@ def commit() -> str:
 
 
 def certify(frozen: Frozen, runs: Runs, at_most: int | None = None) -> Certificate:
-    """Return the certificate that fresh episodes give, as soon as they are enough.
-
-    Args:
-        frozen: the fields that are fixed before the episodes.
-        runs: how episodes run.
-        at_most: as in `draw`.
+    """Return the certificate that fresh episodes give, as soon as they are enough; see `draw`.
 
     Raises:
         RefusedError: if `draw` finds no certificate, a seed does not decide its episode, a file of
@@ -265,13 +256,10 @@ def _refusal(frozen: Frozen, seen: Sequence[Seen], tally: Tally, why: str) -> st
 
 
 def episodes(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
-    """Yield the records of a certificate's episodes of these numbers, from 0, in their order.
-
-    Episodes finish in any order. One that finishes early waits for those before it.
-    """
+    """Yield the records of a certificate's episodes of these numbers, from 0, in their order."""
     job = functools.partial(run_seed, frozen.family, frozen.margins)
     seeds = [frozen.first_seed + number for number in numbers]
-    waiting: dict[int, Seen] = {}
+    waiting: dict[int, Seen] = {}  # episodes that finished before earlier ones
     next_index = 0
     for index, episode in over(runs, frozen.family, job, seeds, "certificate"):
         waiting[index] = episode
@@ -281,12 +269,7 @@ def episodes(frozen: Frozen, runs: Runs, numbers: range) -> Iterator[Seen]:
 
 
 def outcome(seen: Sequence[Seen], bound: float) -> dict[str, Any]:
-    """Return the fields of a `Certificate` that follow from its episodes.
-
-    Args:
-        seen: records of the episodes, in the order of their seeds.
-        bound: ε.
-    """
+    """Return the fields of a `Certificate` that follow from its episodes, in the order of seeds."""
     blocks = tuple(_block(seen[k : k + BLOCK]) for k in range(0, len(seen), BLOCK))
     entered = sum(block.entered for block in blocks)
     groups: dict[tuple[str, str], list[Seen]] = {}
@@ -312,11 +295,8 @@ def _block(seen: Sequence[Seen]) -> Block:
     """Return the sums and the least h's of a few successive episodes."""
     least_speed_h = min(episode.least_speed_h for episode in seen)
     return Block(
-        entered=sum(episode.entered for episode in seen),
-        pressed=sum(episode.pressed for episode in seen),
-        steps=sum(episode.steps for episode in seen),
-        falls=sum(episode.fell for episode in seen),
-        alarms=sum(episode.alarm > 0 for episode in seen),
-        least_h=min(episode.least_h for episode in seen),
+        entered=sum(s.entered for s in seen), pressed=sum(s.pressed for s in seen),
+        steps=sum(s.steps for s in seen), falls=sum(s.fell for s in seen),
+        alarms=sum(s.alarm > 0 for s in seen), least_h=min(s.least_h for s in seen),
         least_speed_h=least_speed_h if np.isfinite(least_speed_h) else None,
-    )
+    )  # fmt: skip

@@ -64,12 +64,8 @@ def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Che
             if name != "blocks" and not _same(getattr(certificate, name), value)
         ]
         differs += _recalibrated(certificate, family, runs)
-    return Checked(
-        episodes=len(seeds),
-        differs=tuple(differs),
-        elsewhere=tuple(_elsewhere(certificate)),
-        least_h=min(episode.least_h for episode in seen),
-    )
+    least_h = min(episode.least_h for episode in seen)
+    return Checked(len(seeds), tuple(differs), tuple(_elsewhere(certificate)), least_h)
 
 
 def stated_otherwise(c: Certificate, family: Family) -> list[str]:

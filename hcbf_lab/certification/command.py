@@ -117,7 +117,7 @@ def main(args: Args) -> None:
 
 
 def _certify(plant: str, args: Args, runs: Runs, console: Console) -> None:
-    """Validate the arguments, calibrate, and run the episodes of a certificate or of a part."""
+    """Validate the arguments, calibrate, and run the episodes of a certificate or a part."""
     if args.part is not None and not args.part[0] < args.part[1]:
         first, end = args.part
         raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
@@ -267,10 +267,7 @@ def _margins(
 
 
 def _check(source: str, args: Args, runs: Runs, console: Console) -> None:
-    """Repeat a part of a certificate, from a file or the name of a shipped one.
-
-    `runs` has no folder, because a saved result would be no repetition.
-    """
+    """Repeat a part of a certificate; `runs` has no folder, as a saved result is no repetition."""
     file = certificates.file_of(source)
     certificate = Certificate.load(file)
     checked = check.check(certificate, args.episodes, args.seed, runs)
@@ -289,10 +286,7 @@ def _check(source: str, args: Args, runs: Runs, console: Console) -> None:
 
 
 def _name(plant: str) -> str:
-    """Return a plant's name as a file may have it: FILE-FUNCTION, MODULE-FUNCTION or FILE.
-
-    The usual names of functions, certify and make, are left out.
-    """
+    """Return a file's name for a plant: its last part, and its function unless certify or make."""
     source, _, function = plant.partition(":")
     is_path = "/" in source or source.endswith((".py", ".json"))
     base = Path(source).stem if is_path else source

@@ -141,8 +141,7 @@ class SceneFamily:
             f"The environment is {environment}, with {cap}.",
             f"Scenes: {_listed(self.scenes)}; each seed draws another one.",
             f"Policies: {_listed(self.policies)}.",
-            f"The filter runs {self.program} {_STRICT_IN_WORDS[self.strict]}, "
-            f"at most {self.steps} steps.",
+            _filter_sentence(self),
             f"Entered is what the truth shows at every {instant}, of every condition of rank 1, "
             "the speed limit included.",
         )
@@ -164,12 +163,7 @@ class SceneFamily:
 def policies_in(env: str, options: Mapping[str, Any], scenes: Sequence[str]) -> Shares:
     """Return all attacks, and those of `FRIENDLY` that can act in every one of these scenes.
 
-    A learned policy fits observations of one shape only, and the shape depends on the scene.
-
-    Args:
-        env: the environment's id.
-        options: its further arguments.
-        scenes: names of families of scenes.
+    A learned policy fits observations of one shape only, which depends on the scene.
     """
     able = {name for name, _ in FRIENDLY}
     for scene in scenes:
@@ -215,8 +209,7 @@ class OwnFamily:
             f"Environment and plant are what {self.source} returns.",
             "Scenes and starts are what the environment draws with each seed.",
             f"Policies: {_listed(self.policies)}.",
-            f"The filter runs {self.program} {_STRICT_IN_WORDS[self.strict]}, "
-            f"at most {self.steps} steps.",
+            _filter_sentence(self),
             "Entered is what the plant's strict barriers say of its state at every step, or the "
             "infos' min_h where the environment reports less.",
         )
@@ -261,16 +254,10 @@ def _run(episode: Episode, margins: Uncertainty | None) -> Seen:
     policy, scene = stratum_of(episode)
     is_point = np.isinf(outcome.least_body_h)
     return Seen(
-        policy=policy,
-        scene=scene,
-        least_h=outcome.least_h if is_point else outcome.least_body_h,
-        least_speed_h=outcome.least_speed_h,
-        first_h=outcome.first_h,
-        fell=outcome.fell,
-        alarm=outcome.alarm,
-        steps=outcome.steps,
-        pressed=outcome.pressed,
-    )
+        policy, scene, least_h=outcome.least_h if is_point else outcome.least_body_h,
+        least_speed_h=outcome.least_speed_h, first_h=outcome.first_h, fell=outcome.fell,
+        alarm=outcome.alarm, steps=outcome.steps, pressed=outcome.pressed,
+    )  # fmt: skip
 
 
 def stratum_of(episode: Episode) -> tuple[str, str]:
@@ -299,9 +286,8 @@ def _shares(field_name: str, weighted: Sequence[Sequence[Any]]) -> Shares:
     ]
     total = sum(weight for _, weight in pairs)
     if total <= 0.0:
-        raise InvalidInputError(
-            f"{field_name}: got {weighted!r}, expected names with positive weights"
-        )
+        expected = "expected names with positive weights"
+        raise InvalidInputError(f"{field_name}: got {weighted!r}, {expected}")
     if abs(total - 1.0) <= ROUNDING:  # shares from a file stay the same, bit for bit
         return tuple(pairs)
     return tuple((name, weight / total) for name, weight in pairs)
@@ -318,6 +304,11 @@ def _draw(rng: np.random.Generator, shares: Shares) -> str:
     return str(names[int(rng.choice(len(names), p=probabilities))])
 
 
+def _filter_sentence(family: SceneFamily | OwnFamily) -> str:
+    """Return a sentence about the filter for the certificate's page."""
+    strict = _STRICT_IN_WORDS[family.strict]
+    return f"The filter runs {family.program} {strict}, at most {family.steps} steps."
+
+
 def _listed(shares: Shares) -> str:
-    """Return the names and shares as a list in words."""
     return ", ".join(f"{name} {share:.1%}" for name, share in shares)

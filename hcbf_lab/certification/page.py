@@ -90,11 +90,8 @@ def _margins(c: Certificate) -> str:
 
 
 def _strata(c: Certificate) -> Table:
-    """Return a table of the episodes of each policy in each family of scenes.
-
-    Each of the m bounds holds with β/m, so that all hold together with β.
-    """
-    doubt = c.doubt / len(c.strata)
+    """Return a table of the episodes of each policy in each family of scenes."""
+    doubt = c.doubt / len(c.strata)  # so that the bounds of all strata hold together
     rows = []
     for s in c.strata:
         entered = f"{s.entered} (≤ {running_bound(s.entered, s.episodes, doubt):.2%})"

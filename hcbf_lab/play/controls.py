@@ -38,9 +38,7 @@ GREATEST_MARGIN = 0.3  # that can be chosen instead of the derived one [m]
 
 
 class Controls:
-    """The buttons, sliders and handles of a page.
-
-    Of all browsers, only the one that steers may command the session.
+    """The buttons, sliders and handles of a page, which only the browser that steers may use.
 
     Attributes:
         show_field: whether the guidance field is drawn.
@@ -262,14 +260,9 @@ class Controls:
         self._rank.on_update(self._if_steering(self._edit_region(session.rank, int)))
         save = gui.add_button("save the scene", icon=viser.Icon.DOWNLOAD)
         save.on_click(self._save)
-        load = gui.add_upload_button(
-            "load a scene", icon=viser.Icon.UPLOAD, mime_type="application/json"
-        )
-        load.on_upload(
-            self._if_steering(
-                lambda event: self._post(session.load_scene, event.target.value.content)
-            )
-        )
+        upload: dict[str, Any] = {"icon": viser.Icon.UPLOAD, "mime_type": "application/json"}
+        load = gui.add_upload_button("load a scene", **upload)
+        load.on_upload(self._if_steering(self._load))
 
     def _edit_region(
         self, command: Callable[..., None], convert: Callable[[Any], Any] = lambda value: value
@@ -280,6 +273,9 @@ class Controls:
     def _on_region_chosen(self, event: viser.GuiEvent) -> None:
         """Show another region; every browser may choose one."""
         self._is_stale = True
+
+    def _load(self, event: viser.GuiEvent) -> None:
+        self._post(self._session.load_scene, event.target.value.content)
 
     def _save(self, event: viser.GuiEvent) -> None:
         """Send the scene to the browser as a JSON file."""

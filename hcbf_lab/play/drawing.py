@@ -94,13 +94,9 @@ class Stage:
         self._path = []
 
     def move(self, position: Array, poses: Array | None, reference: Array, t: float) -> None:
-        """Move the robot, the moving regions and the reference's point to their places at time t.
+        """Move the robot, the moving regions and the reference to their places at time t [s].
 
-        Args:
-            position: (2,) of the robot [m].
-            poses: (k, 7) position and quaternion of its bodies; None for the model.
-            reference: (2,) the reference's point [m].
-            t: [s].
+        Position and reference are points (2,) [m]; `poses` is that of a `Snapshot`.
         """
         for body, handle in self._bodies:
             if poses is None:
@@ -120,14 +116,13 @@ class Stage:
         """Draw the last part of the robot's path."""
         points = np.array([[*p, HIGHEST + 0.01] for p in self._path])
         if len(points) > 1:
-            segments = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+            lines = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
         else:
-            segments = np.zeros((1, 2, 3), dtype=np.float32)
+            lines = np.zeros((1, 2, 3), dtype=np.float32)
         if self._path_line is None:
-            self._path_line = self._scene.add_line_segments(
-                "/path", segments, rgb(PATH), thickness=0.03
-            )
-        self._path_line.points = segments
+            add_lines = self._scene.add_line_segments
+            self._path_line = add_lines("/path", lines, rgb(PATH), thickness=0.03)
+        self._path_line.points = lines
 
     def show_field(self, scenario: Scenario | None) -> None:
         """Draw arrows in the direction of the guidance field; None draws none.
@@ -154,15 +149,14 @@ class Stage:
         is_known = np.isfinite(slope) & (slope > 0.0)
         cells_per_slope = ARROW_LENGTH * stride / slope[is_known]
         tails = rows.ravel()[is_known], columns.ravel()[is_known]
-        heads = (
-            tails[0] + cells_per_slope * descent_y[is_known],
-            tails[1] + cells_per_slope * descent_x[is_known],
+        step_y, step_x = (
+            cells_per_slope * descent_y[is_known],
+            cells_per_slope * descent_x[is_known],
         )
-        height = np.full((len(tails[0]), 1), HIGHEST + 0.01)
-        arrows = np.stack(
-            [np.column_stack([*to_world(*cells, geometry), height]) for cells in (tails, heads)],
-            axis=1,
-        )
+        heads = tails[0] + step_y, tails[1] + step_x
+        height = np.full(len(tails[0]), HIGHEST + 0.01)
+        ends = [np.column_stack([*to_world(*cells, geometry), height]) for cells in (tails, heads)]
+        arrows = np.stack(ends, axis=1)
         length = ARROW_LENGTH * stride * geometry[2]
         self._arrows.append(
             self._scene.add_arrows(
@@ -235,10 +229,9 @@ def _prisms(polygons: list[Array], bottom: float, top: float) -> tuple[Array, In
             np.column_stack([np.vstack([corners, corners]), np.repeat([top, bottom], k)])
         )
         fan = np.column_stack([np.zeros(k - 2, dtype=np.int64), corner[1:-1], corner[2:]])
-        sides = np.column_stack([
-            corner, k + corner, k + following,
-            corner, k + following, following,
-        ])  # fmt: skip
+        sides = np.column_stack(
+            [corner, k + corner, k + following, corner, k + following, following]
+        )
         faces += [count + fan, count + sides.reshape(-1, 3)]
         count += 2 * k
     return np.vstack(vertices), np.vstack(faces)

@@ -123,15 +123,10 @@ class Page:
         self._updates += 1
 
     def _on_connect(self, client: viser.ClientHandle) -> None:
-        """Show the robot to a new browser, in the middle of the area beside the panel.
-
-        A browser that reconnects has a view already, which stays.
-        """
+        """Centre the robot beside the panel in a browser that has no view of its own yet."""
         camera, initial = client.camera, self._server.initial_camera
-        has_initial_view = np.allclose(camera.position, initial.position, atol=1e-3) and (
-            np.allclose(camera.look_at, initial.look_at, atol=1e-3)
-        )
-        if has_initial_view:
+        view = np.array([camera.position, camera.look_at])
+        if np.allclose(view, [initial.position, initial.look_at], atol=1e-3):
             shift = panel_shift(camera)
             self._panel_shifts[client.client_id] = shift
             camera.position = camera.position + shift

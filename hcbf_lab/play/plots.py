@@ -35,15 +35,14 @@ class Plots:
         if ranks != self._ranks:
             self._add_plots(ranks)
         slack = [snapshot.slack.get(rank, 0.0) for rank in ranks]
-        self._points.append((
-            snapshot.time, *snapshot.h.values(), *slack, snapshot.intervention
-        ))  # fmt: skip
+        point = snapshot.time, *snapshot.h.values(), *slack, snapshot.intervention
+        self._points.append(point)
         time, *curves = np.array(self._points).T
         m = len(ranks)
-        for plot, of_plot in zip(
-            self._plots, (curves[:m], curves[m : 2 * m], curves[2 * m :]), strict=True
-        ):
-            plot.data = (time, *of_plot)
+        h_plot, slack_plot, intervention_plot = self._plots
+        h_plot.data = (time, *curves[:m])
+        slack_plot.data = (time, *curves[m : 2 * m])
+        intervention_plot.data = (time, *curves[2 * m :])
 
     def _add_plots(self, ranks: tuple[int, ...]) -> None:
         """Replace the plots by empty ones with a curve for each of these ranks."""

@@ -42,10 +42,6 @@ CONFLICT_PERIOD = 10  # ticks from one conflict report to the next
 class Session:
     """A scene, a robot, a filter and a policy, which run until they are stopped.
 
-    Args:
-        settings: that are chosen at first.
-        scenario: the first scene.
-
     Attributes:
         latest: the record of the last tick, a new object after each.
 
