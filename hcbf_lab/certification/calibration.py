@@ -165,7 +165,7 @@ def search(margins: Uncertainty, attack: Attack, first_seed: int) -> list[Seen]:
         seen = attack(margins, attackers, f"search, generation {generation + 1} of {GENERATIONS}")
         depth = [min(episode.least_h, episode.least_speed_h) for episode in seen]
         elite = parameters[np.argsort(depth)[:ELITE]]
-        # The 0.05 keeps a distribution from collapsing onto one attacker.
+        # The 0.05 prevents that the distribution collapses onto one attacker.
         mean, spread = elite.mean(axis=0), elite.std(axis=0) + 0.05
         all_seen += seen
     return all_seen

@@ -106,7 +106,8 @@ class SceneFamily:
         options = {"max_episode_steps": self.steps} | dict(self.options)
         if self.caps is not None:
             low, high = self.caps
-            options["v_max"] = (low, high, float(rng.uniform(low, high)))[rng.integers(3)]
+            between = float(rng.uniform(low, high))
+            options["v_max"] = (low, high, between)[rng.integers(3)]
         guidance = {"guidance": "geodesic"} if policy.endswith(GUIDED) else {}
         return AttackedEpisode(
             policy.removesuffix(GUIDED), scene, seed, self.env, options,

@@ -33,7 +33,7 @@ RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 @dataclass(frozen=True)
 class Args:
-    """What to reproduce."""
+    """The figures to reproduce, and how their episodes run."""
 
     figure: tyro.conf.Positional[Literal["fig5", "fig6", "fig7", "all"]] = "all"
     """Which figure of the paper."""

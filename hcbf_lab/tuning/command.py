@@ -29,7 +29,7 @@ RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 @dataclass(frozen=True)
 class Args:
-    """What to tune and how to sample."""
+    """The problem to tune, and the sampling."""
 
     env: Literal["HCBF-Regions-v0", "HCBF-A1Regions-v0"] = "HCBF-Regions-v0"
     """The reduced-order model, all samples at once, or full physics, one episode each."""
