@@ -12,11 +12,7 @@ import viser
 
 
 class ThreadSafeEvent(asyncio.Event):
-    """An event that every thread may set.
-
-    Args:
-        loop: the loop of the tasks that wait for the event.
-    """
+    """An event for which tasks of one loop wait, and which every thread may set."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop):
         super().__init__()
