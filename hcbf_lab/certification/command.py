@@ -135,8 +135,9 @@ def _certify(plant: str, args: Args, runs: Runs, console: Console) -> None:
     open_folder(folder, settings)
     runs = replace(runs, folder=folder / "episodes")
     frozen = certify.Frozen(
-        name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
-    )
+        name, family, margins=None, calibration=(), bound=args.bound,
+        confidence=args.confidence, attempt=args.attempt, seed=args.seed,
+    )  # fmt: skip
     console.print(f"{name}: {frozen.fewest:,} episodes, if none enters, for P ≤ {args.bound:.3g}")
     margins, rounds = _margins(args, family, runs, console)
     frozen = replace(frozen, margins=margins, calibration=rounds)

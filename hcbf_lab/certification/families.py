@@ -110,8 +110,8 @@ class SceneFamily:
             options["v_max"] = (low, high, between)[rng.integers(3)]
         guidance = {"guidance": "geodesic"} if policy.endswith(GUIDED) else {}
         return AttackedEpisode(
-            policy.removesuffix(GUIDED), scene, seed, self.env, options,
-            {"program": self.program, "strict": self.strict} | guidance,
+            policy.removesuffix(GUIDED), scene, seed, self.env, env_options=options,
+            filter_options={"program": self.program, "strict": self.strict} | guidance,
             inside=EachMillisecond if self._has_exact_path else None,
         )  # fmt: skip
 

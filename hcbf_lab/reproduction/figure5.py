@@ -72,8 +72,9 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
         "a1": _summary(a1),
         "a1_map": None if samples is None else _map_summary(samples),
     }
-    shots = [jobs[0], jobs[3]], (2.0, 5.0, 8.0, 12.0)
-    return result | {"frames": draw_frames(runs, *shots, folder / "fig5e-frames.png")}
+    r_and_h, times = [jobs[0], jobs[3]], (2.0, 5.0, 8.0, 12.0)  # H with γ₀ = 3
+    frames = draw_frames(runs, r_and_h, times, folder / "fig5e-frames.png")
+    return result | {"frames": frames}
 
 
 def _settings() -> list[tuple[str, float, float]]:
@@ -155,10 +156,11 @@ def _of_episodes(episodes: list[Episode]) -> Trajectories:
     steps = min(len(episode.time) for episode in episodes)
     return _side_by_side(*(
         Trajectories(
-            episode.time[:steps], episode.position[:steps, None], episode.h[:steps, None],
-            episode.min_h.min(axis=0)[None], episode.tracking_error[:steps, None],
-            relaxation(episode.delta, episode.priority)[: steps - 1, None],
-            np.array([episode.fell]),
+            time=episode.time[:steps], position=episode.position[:steps, None],
+            h=episode.h[:steps, None], min_h=episode.min_h.min(axis=0)[None],
+            tracking_error=episode.tracking_error[:steps, None],
+            relaxation=relaxation(episode.delta, episode.priority)[: steps - 1, None],
+            fell=np.array([episode.fell]),
         )
         for episode in episodes
     ))  # fmt: skip

@@ -61,8 +61,8 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         "episodes": {name: _summary(episode) for name, episode in episodes.items()},
         "seeds": _over_seeds(runs, range(4 if quick else SEEDS)),
     }
-    shots = [jobs["R"], jobs["H"]], (4.0, 6.0, 8.0, 16.0)
-    return result | {"frames": draw_frames(runs, *shots, folder / "fig6-frames.png")}
+    r_and_h, times = [jobs["R"], jobs["H"]], (4.0, 6.0, 8.0, 16.0)
+    return result | {"frames": draw_frames(runs, r_and_h, times, folder / "fig6-frames.png")}
 
 
 def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
