@@ -1,5 +1,5 @@
-"""Calibrate, freeze, certify: from episodes of a plant to a bound on entries.
+"""Calibrate, freeze, certify: from episodes of a plant to a bound on its entries into rank 1.
 
-A family of episodes is a frozen record whose `episode` makes the episode of a seed; its fields
-decide every episode, so that a certificate's JSON is enough to repeat any of them.
+A family is a frozen record whose method `episode` returns the episode of a seed. Its fields decide
+every episode, so that a certificate's JSON is enough to repeat any of them.
 """

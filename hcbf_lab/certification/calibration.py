@@ -1,16 +1,16 @@
-r"""Margins from what episodes needed: order statistics, round by round, then a search.
+r"""The calibration of a plant's margins: quantiles of measured needs, then a search for attackers.
 
-With the reserve d an episode came as near as its least h; d − h would have been enough for it. The
-new reserve is what all but a small share p of such episodes need. With the k-th largest of n needs
-x_k, and s the mean by which the larger ones exceed it,
+Rows reserve a distance d, and an episode comes as near as its least h. A reserve of d − h would
+have been enough for it: this is the episode's *need*. The new reserve is exceeded by a share p of
+all needs. With x_k the k-th largest of n needs, and s the mean excess of the larger ones over it,
 
-.. math:: q = x_k + s \ln \frac{k}{n p},
+.. math:: q = x_k + s \ln \frac{k}{n p}
 
-the quantile of a tail that is exponential beyond x_k (I. Weissman, "Estimation of parameters and
-large quantiles based on the k largest observations", JASA 73, 1978), within `BEYOND` of the
-greatest need. Distances and the speed limit are reserved for apart, each with its own needs.
-What goes with a velocity error (k_v, k_p) stays as the plant declares it: it is how the robot
-follows, and d is what that leaves.
+is the quantile of a tail that is exponential beyond x_k (I. Weissman, "Estimation of parameters and
+large quantiles based on the k largest observations", JASA 73, 1978). It is clipped to `BEYOND`
+times the greatest need. The distance and the speed limit have separate reserves and needs.
+The gains on a velocity error (k_v, k_p) stay as the plant declares them. They describe how the
+robot follows its input, and d covers the rest.
 """
 
 from collections import Counter
@@ -29,36 +29,38 @@ from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_lab.certification.families import Seen
 
-ROUNDS = 4  # how often margins are set before a plant is refused
-TAIL = 0.05  # share of the needs from which the tail is read
-LEAST_TAIL = 5  # and at least so many
+ROUNDS = 4  # how often margins are changed before a plant is refused
+TAIL_SHARE = 0.05  # of the needs, from which the tail is fitted
+MIN_TAIL_SIZE = 5  # the tail has at least so many needs
 BEYOND = (1.1, 1.25)
-"""What is reserved at least and at most, of the greatest need that was seen: a tail that is read
-from few episodes exaggerates."""
-GENERATIONS, POPULATION = 4, 12  # of a search: attackers of one generation meet the same episode
-ELITE = 4  # of a generation, those that the next one is drawn around
-STREAM = 43  # sets a search's draws apart from those of the episodes that it runs
+"""The least and the greatest reserve, as multiples of the greatest need: a tail that is fitted to
+few episodes exaggerates."""
+GENERATIONS, POPULATION = 4, 12  # of the search; one generation's attackers meet the same episode
+ELITE = 4  # attackers of a generation, to which the next distribution is fitted
+STREAM = 43  # separates the search's random numbers from those of the episodes that it runs
 
+Searched = tuple[int, tuple[float, ...]]
+"""A seed, and the parameters of the searched attacker."""
 Run = Callable[[Uncertainty, Sequence[int], str], list[Seen]]
-"""(margins, seeds, title) → what the episodes of these seeds showed."""
-Try = Callable[[Uncertainty, Sequence[tuple[int, tuple[float, ...]]], str], list[Seen]]
-"""(margins, (seed, parameters) of searched attackers, title) → what they reached."""
+"""(margins, seeds, title of the progress bar) → records of the episodes of these seeds."""
+Attack = Callable[[Uncertainty, Sequence[Searched], str], list[Seen]]
+"""(margins, searched attackers, title of the progress bar) → records of their episodes."""
 
 
 class Round(NamedTuple):
-    """What one round showed."""
+    """One round of a calibration, as the certificate's JSON holds it."""
 
-    what: str  # "round", or "search" whose attackers are no independent draws
-    margins: dict[str, float]  # that rows reserved
+    what: str  # "round", or "search", whose attackers are no independent draws
+    margins: dict[str, float]  # the margins that rows reserved in this round
     first_seed: int  # of its episodes
-    episodes: int  # how many
-    entered: int  # how many of them entered
+    episodes: int  # the number of episodes
+    entered: int  # the number of episodes that entered rank 1
     least_h: float  # of the strict conditions on the position
-    least_speed_h: float | None  # of the speed limit [m/s]; None where there is none
+    least_speed_h: float | None  # of the speed limit [m/s]; None without a limit
 
 
 class Calibrated(NamedTuple):
-    """Margins, and the rounds in which they were found."""
+    """Calibrated margins, and the rounds that led to them."""
 
     margins: Uncertainty
     rounds: tuple[Round, ...]
@@ -67,7 +69,7 @@ class Calibrated(NamedTuple):
 def calibrate(
     start: Uncertainty,
     run: Run,
-    attack: Try | None,
+    attack: Attack | None,
     episodes: int,
     share: float,
     first_seed: int,
@@ -75,41 +77,41 @@ def calibrate(
 ) -> Calibrated:
     """Return margins with which neither fresh episodes nor searched attackers enter.
 
-    The first round may lower what the plant declares; later ones raise it alone.
+    The first round may lower the margins that the plant declares. Later rounds only raise them.
 
     Args:
-        start: the plant's own margins.
-        run: runs episodes.
-        attack: runs searched attackers; None searches for none.
-        episodes: in each round.
-        share: of episodes that may need more, p.
-        first_seed: the seeds follow it.
+        start: the margins that the plant declares.
+        run: runs the episodes of seeds.
+        attack: runs searched attackers; None skips the search.
+        episodes: the number of episodes in each round.
+        share: p, the share of episodes that may need more.
+        first_seed: of the first round; the following seeds are used in order.
         v_max: the lowest cap on the speed [m/s].
 
     Raises:
-        RefusedError: if the rounds do not do, or the margins leave no room or no speed.
+        RefusedError: if episodes still enter after the last round, or the margins leave no room or
+            no speed.
     """
     margins, rounds = start, []
     seed = first_seed
     for number in range(ROUNDS + 1):
         seen = run(margins, range(seed, seed + episodes), f"calibration, round {number}")
-        rounds.append(recorded("round", margins, seed, seen))
+        rounds.append(_round_of("round", margins, seed, seen))
         seed += episodes
-        _check_standing(seen)
+        _check_plant(seen)
         if number == 0:
             _check_stake(seen)
-        settled = number > 0 or all(getattr(margins, name) == 0.0 for name in CALIBRATED)
-        if settled and not rounds[-1].entered and attack is not None:
-            tried = search(margins, attack, seed)
-            rounds.append(recorded("search", margins, seed, tried))
+        may_lower = number == 0 and any(getattr(margins, name) != 0.0 for name in CALIBRATED)
+        if not may_lower and not rounds[-1].entered and attack is not None:
+            attacked = search(margins, attack, seed)
+            rounds.append(_round_of("search", margins, seed, attacked))
             seed += GENERATIONS
-            seen = [*seen, *tried]
-        wanted = needed(margins, seen, share)
-        if settled:
-            wanted = {name: max(getattr(margins, name), need) for name, need in wanted.items()}
-        margins = margins._replace(**wanted)
+            seen = [*seen, *attacked]
+        for name, reserve in needed(margins, seen, share).items():
+            raised = max(getattr(margins, name), reserve)
+            margins = margins._replace(**{name: reserve if may_lower else raised})
         _check_room(margins, seen, v_max)
-        if settled and not rounds[-1].entered:
+        if not may_lower and not rounds[-1].entered:
             return Calibrated(margins, tuple(rounds))
     last = rounds[-1]
     raise RefusedError(
@@ -121,67 +123,73 @@ def calibrate(
 
 
 def needed(margins: Uncertainty, seen: Iterable[Seen], share: float) -> dict[str, float]:
-    """Return what all but a share of such episodes need, by constant."""
-    outcomes = list(seen)
+    """Return the reserve of each margin that all but a share of such episodes need.
+
+    A margin is left out if no episode had a condition that it is for.
+    """
+    episodes = list(seen)
     needs = {
-        "distance": [margins.distance - s.least_h for s in outcomes],
-        "speed": [margins.speed - s.least_speed_h for s in outcomes],
+        "distance": [margins.distance - episode.least_h for episode in episodes],
+        "speed": [margins.speed - episode.least_speed_h for episode in episodes],
     }
-    found = {}
+    reserves = {}
     for name in CALIBRATED:
         finite = np.array([need for need in needs[name] if np.isfinite(need)])
         if finite.size:
-            found[name] = quantile(finite, share)
-    return found
+            reserves[name] = quantile(finite, share)
+    return reserves
 
 
 def quantile(needs: ArrayLike, share: float) -> float:
-    """Return what all but a share of needs (n,) are below, 0 where none is positive."""
+    """Return the reserve that a share of needs (n,) exceeds; 0 if no need is positive."""
     x = np.sort(finite_array("needs", needs, (None,)))[::-1]
     if x[0] <= 0.0:
         return 0.0
-    k = min(len(x) - 1, max(LEAST_TAIL, round(TAIL * len(x))))
+    k = min(len(x) - 1, max(MIN_TAIL_SIZE, round(TAIL_SHARE * len(x))))
     beyond = 0.0 if k < 1 else float((x[:k] - x[k]).mean()) * np.log(k / (len(x) * share))
     return float(np.clip(x[k] + beyond, BEYOND[0] * x[0], BEYOND[1] * x[0]))
 
 
-def search(margins: Uncertainty, attack: Try, first_seed: int) -> list[Seen]:
-    """Search for the attacker that gets deepest; return what all of them reached.
+def search(margins: Uncertainty, attack: Attack, first_seed: int) -> list[Seen]:
+    """Search for the attacker that gets deepest; return the records of all episodes.
 
-    The cross-entropy method: attackers are drawn from a normal distribution that is fitted to the
-    best of the generation before, over six numbers in [0, 1].
+    This is the cross-entropy method. A generation's attackers are drawn from a normal distribution
+    of their parameters in [0, 1], which is fitted to the `ELITE` of the generation before.
     """
     rng, count = np.random.default_rng([STREAM, first_seed]), len(PARAMETERS)
     mean, spread = np.full(count, 0.5), np.full(count, 0.35)
-    every: list[Seen] = []
+    all_seen: list[Seen] = []
     for generation in range(GENERATIONS):
-        drawn = rng.normal(mean, spread, (POPULATION, count)).clip(0.0, 1.0)
-        tried = [(first_seed + generation, tuple(numbers.tolist())) for numbers in drawn]
-        seen = attack(margins, tried, f"search, generation {generation + 1} of {GENERATIONS}")
-        best = np.argsort([min(s.least_h, s.least_speed_h) for s in seen])[:ELITE]
-        mean, spread = drawn[best].mean(axis=0), drawn[best].std(axis=0) + 0.05
-        every += seen
-    return every
+        parameters = rng.normal(mean, spread, (POPULATION, count)).clip(0.0, 1.0)
+        attackers = [(first_seed + generation, tuple(row.tolist())) for row in parameters]
+        seen = attack(margins, attackers, f"search, generation {generation + 1} of {GENERATIONS}")
+        depth = [min(episode.least_h, episode.least_speed_h) for episode in seen]
+        elite = parameters[np.argsort(depth)[:ELITE]]
+        # The 0.05 prevents that the distribution collapses onto one attacker.
+        mean, spread = elite.mean(axis=0), elite.std(axis=0) + 0.05
+        all_seen += seen
+    return all_seen
 
 
-def recorded(what: str, margins: Uncertainty, seed: int, seen: Sequence[Seen]) -> Round:
-    """Return the record of what episodes showed."""
-    speed = min(s.least_speed_h for s in seen)
+def _round_of(what: str, margins: Uncertainty, first_seed: int, seen: Sequence[Seen]) -> Round:
+    """Return the record of a round from the records of its episodes."""
+    least_speed_h = min(episode.least_speed_h for episode in seen)
     return Round(
-        what, margins._asdict(), seed, len(seen), sum(s.entered for s in seen),
-        min(s.least_h for s in seen), speed if np.isfinite(speed) else None,
+        what, margins._asdict(), first_seed, episodes=len(seen),
+        entered=sum(s.entered for s in seen), least_h=min(s.least_h for s in seen),
+        least_speed_h=least_speed_h if np.isfinite(least_speed_h) else None,
     )  # fmt: skip
 
 
-def _check_standing(seen: Sequence[Seen]) -> None:
-    """Refuse a plant that falls, or that the filter's own monitor takes for another one."""
-    falls = sum(s.fell for s in seen)
+def _check_plant(seen: Sequence[Seen]) -> None:
+    """Refuse a plant that falls, or that differs from the declared one, in most episodes."""
+    falls = sum(episode.fell for episode in seen)
     if 2 * falls > len(seen):
         raise RefusedError(
             f"calibration: the robot fell in {falls} of {len(seen)} episodes: it cannot do what U "
             "requests; look at U and at the cap on the speed"
         )
-    alarms = Counter(Reason(s.alarm).name for s in seen if s.alarm)
+    alarms = Counter(Reason(episode.alarm).name for episode in seen if episode.alarm)
     if 2 * alarms.total() > len(seen):
         named = ", ".join(f"{name} in {count}" for name, count in alarms.most_common())
         raise RefusedError(
@@ -194,27 +202,31 @@ def _check_standing(seen: Sequence[Seen]) -> None:
 def shown(seen: Sequence[Seen]) -> Shown:
     """Return how much episodes put rank 1 to the test."""
     return Shown(
-        sum(one.pressed for one in seen),
-        float(np.median([one.least_h for one in seen])),
-        int(np.median([one.steps for one in seen])),
+        pressed=sum(episode.pressed for episode in seen),
+        half_within=float(np.median([episode.least_h for episode in seen])),
+        half_last=int(np.median([episode.steps for episode in seen])),
     )
 
 
 def _check_stake(seen: Sequence[Seen]) -> None:
-    """Refuse episodes of which too few put rank 1 to the test; warn where they may be too few."""
-    found, deviation = shown(seen), 0.5 * np.sqrt(len(seen))
-    why = vacuous(found, len(seen))
-    short = PRESSED * len(seen) - found.pressed
-    if not why or (found.half_last >= LASTING and short <= deviation):
+    """Refuse episodes that put rank 1 to the test too seldom; warn if that is uncertain yet.
+
+    The certificate requires a share `PRESSED` of its own episodes. With a chance of about one half
+    in each of n episodes, their number has a standard deviation of √n / 2.
+    """
+    stake, deviation = shown(seen), 0.5 * np.sqrt(len(seen))
+    why = vacuous(stake, len(seen))
+    missing = PRESSED * len(seen) - stake.pressed
+    if not why or (stake.half_last >= LASTING and missing <= deviation):
         return
-    if found.half_last < LASTING or short > 2.0 * deviation:
+    if stake.half_last < LASTING or missing > 2.0 * deviation:
         raise RefusedError(f"calibration: {why}")
     warn_caller(f"calibration: {why}; else there may be no certificate", SafetyWarning)
 
 
 def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> None:
-    """Refuse margins that reach the starts of most episodes, or take half of the speed."""
-    room = float(np.median([s.first_h for s in seen]))
+    """Refuse a distance that contains half of the starts, and a margin that leaves no speed."""
+    room = float(np.median([episode.first_h for episode in seen]))
     if margins.distance >= room:
         raise RefusedError(
             f"calibration: rows would reserve {margins.distance:.3g} m, and half of the episodes "
@@ -228,5 +240,5 @@ def _check_room(margins: Uncertainty, seen: Sequence[Seen], v_max: float) -> Non
 
 
 def plain(rounds: Iterable[Round]) -> tuple[Mapping[str, Any], ...]:
-    """Return rounds as a certificate's JSON holds them."""
-    return tuple(one._asdict() for one in rounds)
+    """Return rounds as dicts, for the certificate's JSON."""
+    return tuple(calibration_round._asdict() for calibration_round in rounds)

@@ -1,4 +1,4 @@
-"""A certificate repeated: its episodes, and all that follows from them and from its family."""
+"""The check of a certificate: its episodes run again, and its other fields are derived again."""
 
 import functools
 from collections import Counter
@@ -14,61 +14,62 @@ from hcbf_gym.evaluation.jobs import Runs, in_order, versions
 from hcbf_lab.certification import calibration, certify, families
 from hcbf_lab.certification.families import Family, Seen, run_seed
 
-SAME = 1e-6  # by how much a least h may differ [unit of h]
+TOLERANCE = 1e-6  # relative, and absolute below 1, for every number that is compared
 SAFER = 10.0
-"""By how much less often than the bound an episode may need more than calibration reserves."""
+"""A calibration lets a share bound / `SAFER` of the episodes need more than the margins."""
 
 
 @dataclass(frozen=True)
 class Checked:
-    """What a repetition of a part showed."""
+    """The result of a check."""
 
-    episodes: int  # how many were run again
-    differs: tuple[str, ...]  # in what the file differs from what came out, a phrase for each
-    elsewhere: tuple[str, ...]  # in what it was computed otherwise than here, a phrase for each
+    episodes: int  # the number of repeated episodes
+    differs: tuple[str, ...]  # a phrase for each difference between the file and the repetition
+    elsewhere: tuple[str, ...]  # a phrase for each version that differs from the one here
     least_h: float  # of the repeated episodes
 
 
 def check(certificate: Certificate, episodes: int, seed: int, runs: Runs) -> Checked:
-    """Run a random part of a certificate's episodes again; of all of them, calibration, too.
+    """Run random blocks of a certificate's episodes again, and compare.
+
+    If all blocks are chosen, the totals are compared, too, and the calibration is repeated.
 
     Args:
         certificate: to check.
-        episodes: at least so many, in whole blocks.
-        seed: decides which.
-        runs: how they run.
+        episodes: the least number of episodes to repeat, rounded up to whole blocks.
+        seed: of the random choice of blocks.
+        runs: how episodes run.
     """
     family = families.from_dict(certificate.family)
     differs = stated_otherwise(certificate, family) + _drawn_otherwise(certificate, family)
     count = min(len(certificate.blocks), -(-episodes // BLOCK))
-    chosen = np.random.default_rng(seed).permutation(len(certificate.blocks))[:count]
-    numbers = [
-        number
-        for block in sorted(chosen.tolist())
-        for number in range(block * BLOCK, min((block + 1) * BLOCK, certificate.episodes))
-    ]
+    shuffled = np.random.default_rng(seed).permutation(len(certificate.blocks))
+    chosen = sorted(shuffled[:count].tolist())
+    seeds: list[int] = []
+    for block in chosen:
+        end = min((block + 1) * BLOCK, certificate.episodes)
+        seeds += range(certificate.first_seed + block * BLOCK, certificate.first_seed + end)
     job = functools.partial(run_seed, family, certificate.margins)
-    jobs = [certificate.first_seed + number for number in numbers]
-    seen: list[Seen] = in_order(certify.over(runs, family, job, jobs, "check"))
-    again = certify.outcome(seen, certificate.bound)
-    for block, shown in zip(sorted(chosen.tolist()), again["blocks"], strict=True):
-        if not _same(certificate.blocks[block], shown):
+    seen: list[Seen] = in_order(certify.over(runs, family, job, seeds, "check"))
+    repeated = certify.outcome(seen, certificate.bound)
+    for block, value in zip(chosen, repeated["blocks"], strict=True):
+        stated = certificate.blocks[block]
+        if not _same(stated, value):
             first = certificate.first_seed + block * BLOCK
-            differs.append(f"block from seed {first}: {certificate.blocks[block]}, now {shown}")
+            differs.append(f"block from seed {first}: {stated}, now {value}")
     if count == len(certificate.blocks):
         differs += [
             f"{name}: {getattr(certificate, name)}, now {value}"
-            for name, value in again.items()
+            for name, value in repeated.items()
             if name != "blocks" and not _same(getattr(certificate, name), value)
         ]
         differs += _recalibrated(certificate, family, runs)
-    return Checked(
-        len(jobs), tuple(differs), tuple(_elsewhere(certificate)), min(s.least_h for s in seen)
-    )
+    least_h = min(episode.least_h for episode in seen)
+    return Checked(len(seeds), tuple(differs), tuple(_elsewhere(certificate)), least_h)
 
 
 def stated_otherwise(c: Certificate, family: Family) -> list[str]:
-    """Return in what a file differs from its family, a phrase for each."""
+    """Return a phrase for each field of a file that does not follow from its family and plant."""
     plant, declared = certify.plant_of(family)
     expected = {
         "plant": family.certifies(declared),
@@ -81,17 +82,18 @@ def stated_otherwise(c: Certificate, family: Family) -> list[str]:
         if records.plain(getattr(c, name)) != records.plain(value)
     ]
     if c.margins is not None:
-        own = plant.uncertainty._asdict()
+        calibrated = CALIBRATED if c.calibration else ()
+        expected_margins = plant.uncertainty._asdict()
         differs += [
-            f"margins: {name} {value}, expected {own[name]} as the plant declares it"
+            f"margins: {name} {value}, expected {expected_margins[name]} as the plant declares it"
             for name, value in c.margins._asdict().items()
-            if name not in (CALIBRATED if c.calibration else ()) and value != own[name]
+            if name not in calibrated and value != expected_margins[name]
         ]
     return differs
 
 
 def _drawn_otherwise(c: Certificate, family: Family) -> list[str]:
-    """Return in what the strata are not those that the seeds draw, a phrase or none."""
+    """Return a phrase if the strata are not those that the seeds draw, else nothing."""
     drawn: Counter[tuple[str, str]] = Counter()
     for seed in range(c.first_seed, c.first_seed + c.episodes):
         drawn[families.stratum_of(family.episode(seed))] += 1
@@ -102,28 +104,28 @@ def _drawn_otherwise(c: Certificate, family: Family) -> list[str]:
 
 
 def _recalibrated(c: Certificate, family: Family, runs: Runs) -> list[str]:
-    """Return in what margins and rounds are not those that a calibration gives."""
+    """Return a phrase for the rounds and for the margins if a new calibration gives others."""
     if not c.calibration or c.margins is None:
         return []
     first = c.calibration[0]
     start = c.margins._replace(**{name: first["margins"][name] for name in CALIBRATED})
     share, seed = c.bound / SAFER, c.first_seed // SEEDS
     try:
-        found = certify.calibrated(family, start, runs, first["episodes"], share, seed)
+        now = certify.calibrated(family, start, runs, first["episodes"], share, seed)
     except HcbfError as error:
         return [f"calibration: {error}"]
     return [
         f"{name}: {stated}, now {value}"
         for name, stated, value in (
-            ("calibration", c.calibration, calibration.plain(found.rounds)),
-            ("margins", c.margins, found.margins),
+            ("calibration", c.calibration, calibration.plain(now.rounds)),
+            ("margins", c.margins, now.margins),
         )
         if not _same(stated, value)
     ]
 
 
 def _elsewhere(c: Certificate) -> list[str]:
-    """Return in what a certificate was computed otherwise than here."""
+    """Return a phrase for each version with which a certificate was computed, and that differs."""
     here, there = versions(), {"hcbf-gym": c.version} | dict(c.versions)
     return [
         f"{name} {there.get(name)} (here {here.get(name)})"
@@ -133,14 +135,14 @@ def _elsewhere(c: Certificate) -> list[str]:
 
 
 def _same(stated: object, value: object) -> bool:
-    """Return whether two are alike, numbers to within `SAME`."""
+    """Return whether two fields of a certificate are equal, real numbers to `TOLERANCE`."""
     stated, value = (
-        records.plain(vars(one) if is_dataclass(one) else one) for one in (stated, value)
+        records.plain(vars(field) if is_dataclass(field) else field) for field in (stated, value)
     )
     if isinstance(stated, dict) and isinstance(value, dict):
         return set(stated) == set(value) and all(_same(stated[k], value[k]) for k in stated)
     if isinstance(stated, list) and isinstance(value, list):
         return len(stated) == len(value) and all(map(_same, stated, value))
     if isinstance(stated, float) and isinstance(value, float):
-        return abs(stated - value) <= SAME * max(1.0, abs(stated))
+        return abs(stated - value) <= TOLERANCE * max(1.0, abs(stated))
     return type(stated) is type(value) and stated == value

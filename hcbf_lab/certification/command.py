@@ -2,7 +2,7 @@
 
 PLANT is "regions", "a1", "a1-mixture", a walker's name or contract, or a function of your own that
 returns (environment, plant), as FILE.py:FUNCTION or MODULE:FUNCTION. Runs until P(enter) is below
---bound, or that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and
+--bound, or until that is hopeless. Writes NAME.json, which SafetyFilter takes as certificate=, and
 NAME.md. Run it again to resume it.
 
 With --check FILE, or the name of a shipped one, it repeats a random part of a certificate instead.
@@ -35,40 +35,45 @@ from hcbf_robots.walkers.walker import NAMES, Walker
 from hcbf_robots.walkers.walker_margins import uncertainty
 from hcbf_robots.walkers.walker_response import assumed
 
-LOWEST = 0.5  # the lowest cap on the speed of a walker, as a share of what its contract can do
-SPEED_LEFT = 2.5
-"""And of what the row of its speed limit reserves before calibration: an environment requires 2."""
-
+MIN_CAP_SHARE = 0.5  # a walker's lowest cap, as a share of its contract's greatest speed
+MIN_CAP_RESERVES = 2.5
+"""A walker's lowest cap, as a multiple of the reserve of its speed row before calibration. The
+environment requires a multiple above 2."""
+PLANTS: dict[str, SceneFamily | A1Mixture] = {
+    "regions": SceneFamily("HCBF-Regions-v0"),
+    "a1": SceneFamily("HCBF-A1Regions-v0"),
+    "a1-mixture": A1Mixture(),
+}
+"""The families of episodes of the package's own plants except walkers, by name."""
 RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
-
 Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]
-Episode = Annotated[int, Range(0, MOST)]
+EpisodeNumber = Annotated[int, Range(0, MOST)]
 
 
 @dataclass(frozen=True)
 class Args:
-    """What to certify, and by how many episodes."""
+    """Which plant to certify, by how many episodes of which kind."""
 
     plant: Annotated[str | None, tyro.conf.Positional] = None
-    """What is certified."""
+    """The plant to certify."""
     bound: Share = 0.01
-    """What P(enter) is to be below. Where none enters, 859 episodes show 1 %, 8,630 show 1 ‰; each
-    that enters takes a quarter more."""
+    """The bound on P(enter). If none enters, 859 episodes show 1 %, 8,630 show 1 ‰; each episode
+    that enters requires a quarter more."""
     at_most: Count | None = None
     """Episodes to wait for; ten times those fewest if not given. More may be requested later."""
     confidence: Share = 0.999
-    """Of the bound."""
+    """The confidence of the bound."""
     attempt: Annotated[int, Range(0, 50), tyro.conf.arg(name="try")] = 0
-    """Where a plant may be tried again: which try this is, from 1, each with fresh episodes. The
-    n-th spends 2⁻ⁿ of the doubt; 0 is the only try that there will be, and spends it all."""
-    part: tuple[Episode, Episode] | None = None
+    """The number of this try, from 1, if a plant may be tried again. Each try has fresh episodes,
+    and the n-th spends 2⁻ⁿ of the doubt. 0 is the only try ever, and spends all of the doubt."""
+    part: tuple[EpisodeNumber, EpisodeNumber] | None = None
     """First episode, from 0, and the one after the last, that this machine runs. Put the episodes
     of all machines into one folder, and run the command without --part."""
     episodes: Count = 50
-    """Of --check: how many are repeated; all of them repeat the calibration, too."""
+    """Episodes that --check repeats; if it repeats all, it repeats the calibration, too."""
     calibration: Annotated[int, Range(0, MOST)] = 200
-    """Episodes of each round that sets the margins; 0 takes the plant's own."""
+    """Episodes of each round that sets the margins; 0 takes the plant's own margins."""
     scenes: tuple[str, ...] = ()
     """Families of random scenes, FILE.py:FAMILY of your own too; all covered ones if not given."""
     policies: tuple[str, ...] = ()
@@ -76,18 +81,18 @@ class Args:
     too: file.py:function, module:function, model.zip, policy.onnx, policy.pt; a zip and a .pt hold
     pickles, which run code."""
     v_max: tuple[Positive, Positive] | None = None
-    """Least and greatest cap on the speed of a walker [m/s]; if not given, half of what it can do,
-    or as much as its speed row needs, to all of it."""
+    """Least and greatest cap on the speed of a walker [m/s]; if not given, half of its greatest
+    speed, or as much as its speed row needs, to all of it."""
     steps: Count | None = None
-    """The most that an episode takes; 1,000, or 500 of a plant of your own, if not given."""
+    """The most steps of an episode; 1,000, or 500 of a plant of your own, if not given."""
     program: str = "lex-cbf-qp"
-    """What the filter runs."""
+    """The program of the filter."""
     strict: Literal["rows", "gatekeeper"] = "rows"
-    """What satisfies its strict conditions: rows, or verified manoeuvres."""
+    """How the filter satisfies strict conditions: by rows, or by verified manoeuvres."""
     seed: Seed = 0
-    """Decides the episodes; those of the calibration are others than those of the certificate."""
+    """Decides the episodes; calibration and certificate never share one."""
     name: str | None = None
-    """What the certificate is called; the plant's name if not given."""
+    """The certificate's name; the plant's name if not given."""
     check: str | None = None
     """A certificate's file, or the name of a shipped one, of which a random part is repeated."""
     workers: Workers | None = None
@@ -99,40 +104,46 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Certify or check, and print what came out."""
+    """Certify a plant, or check a certificate, and print the result."""
     runs = Runs(None, args.workers, args.backend)
     runs.check()
     console = Console()
     if args.check is not None:
-        _check(args, runs, console)
-        return
-    if args.plant is None:
+        _check(args.check, args, runs, console)
+    elif args.plant is not None:
+        _certify(args.plant, args, runs, console)
+    else:
         raise InvalidInputError("certify: got no plant, expected one, or --check FILE")
+
+
+def _certify(plant: str, args: Args, runs: Runs, console: Console) -> None:
+    """Validate the arguments, calibrate, and run the episodes of a certificate or a part."""
     if args.part is not None and not args.part[0] < args.part[1]:
         first, end = args.part
         raise InvalidInputError(f"part: got {first} to {end}, expected 0 <= first < end")
     choose("program", args.program, dict.fromkeys(programs.names()))
-    name = records.check_name("name", _name(args.plant) if args.name is None else args.name)
+    name = records.check_name("name", _name(plant) if args.name is None else args.name)
     family = family_of(args)
     folder = args.output or Path("results/certify") / name
-    settings = {
-        "plant": args.plant, "family": families.to_dict(family), "bound": args.bound,
+    settings = records.plain({
+        "plant": plant, "family": families.to_dict(family), "bound": args.bound,
         "confidence": args.confidence, "try": args.attempt, "seed": args.seed,
         "calibration": args.calibration, "versions": versions(),
-    }  # fmt: skip
-    check_folder(folder, records.plain(settings))
-    _try(family, args.seed)
-    open_folder(folder, records.plain(settings))
+    })  # fmt: skip
+    check_folder(folder, settings)
+    _try_out(family, args.seed)
+    open_folder(folder, settings)
     runs = replace(runs, folder=folder / "episodes")
     frozen = certify.Frozen(
-        name, family, None, (), args.bound, args.confidence, args.attempt, args.seed
-    )
+        name, family, margins=None, calibration=(), bound=args.bound,
+        confidence=args.confidence, attempt=args.attempt, seed=args.seed,
+    )  # fmt: skip
     console.print(f"{name}: {frozen.fewest:,} episodes, if none enters, for P ≤ {args.bound:.3g}")
     margins, rounds = _margins(args, family, runs, console)
     frozen = replace(frozen, margins=margins, calibration=rounds)
     if args.part is not None:
         seen = list(certify.episodes(frozen, runs, range(*args.part)))
-        entered = sum(one.entered for one in seen)
+        entered = sum(episode.entered for episode in seen)
         console.print(f"{entered} of {len(seen)} entered; kept in {runs.folder}", soft_wrap=True)
         return
     certificate = certify.certify(frozen, runs, args.at_most)
@@ -168,12 +179,12 @@ def family_of(args: Args) -> Family:
     if args.plant in PLANTS:
         if args.v_max is not None:
             raise InvalidInputError(f"certify: got v_max with {args.plant}, expected a walker")
-        own = args.scenes or args.policies or "strict" in requested
-        if args.plant == "a1-mixture" and own:
+        has_choices = args.scenes or args.policies or "strict" in requested
+        if args.plant == "a1-mixture" and has_choices:
             raise InvalidInputError(
                 "certify: got scenes, policies or strict with a1-mixture, which has its own"
             )
-        return _able(args, replace(PLANTS[args.plant], **requested))
+        return _with_able_policies(args, replace(PLANTS[args.plant], **requested))
     if args.plant not in NAMES and not args.plant.endswith(".json"):
         raise InvalidInputError(
             f"certify: got the plant {args.plant!r}, expected one of {sorted([*PLANTS, *NAMES])}, "
@@ -181,38 +192,40 @@ def family_of(args: Args) -> Family:
         )
     caps = caps_of(Walker.load(args.plant)) if args.v_max is None else args.v_max
     family = SceneFamily("HCBF-WalkerRegions-v0", {"robot": args.plant}, caps=caps, **requested)
-    return _able(args, family)
+    return _with_able_policies(args, family)
 
 
-def _able(args: Args, family: SceneFamily | A1Mixture) -> Family:
-    """Return a family without the policies that cannot act in scenes that were requested."""
+def _with_able_policies(args: Args, family: SceneFamily | A1Mixture) -> Family:
+    """Return a family without default policies that cannot act in the requested scenes."""
     if not args.scenes or args.policies or isinstance(family, A1Mixture):
         return family
     able = families.policies_in(family.env, family.options, args.scenes)
     return replace(family, policies=able)
 
 
-def _try(family: Family, seed: int) -> None:
-    """Refuse what is the user's own and fails in the first steps of a family's episodes."""
+def _try_out(family: Family, seed: int) -> None:
+    """Refuse a user's policy or environment that fails in the first two steps of an episode."""
     if not isinstance(family, SceneFamily | OwnFamily):
         return
-    for name, _ in family.policies:
-        if not attacks.is_attack(base := name.removesuffix(families.GUIDED)):
-            policies.check(base)
-    own = [name for name, _ in family.policies if policies.is_own(name)]
-    if isinstance(family, OwnFamily) and not own:
-        own = [family.policies[0][0]]
-    for name in own:
+    names = [name for name, _ in family.policies]
+    for name in names:
+        unguided = name.removesuffix(families.GUIDED)
+        if not attacks.is_attack(unguided):
+            policies.check(unguided)
+    to_try = [name for name in names if policies.is_own(name)]
+    if isinstance(family, OwnFamily) and not to_try:
+        to_try = names[:1]  # any policy shows whether the user's environment runs
+    for name in to_try:
         if policies.is_own(name) and not attacks.is_attack(name):
-            env, _ = certify.made(family)
+            env, _ = certify.make(family)
             policies.try_out(name, env, seed)
             env.close()
-        trial = replace(family, policies=((name, 1.0),), steps=2)
+        two_steps = replace(family, policies=((name, 1.0),), steps=2)
         try:
-            families.run_seed(trial, None, seed)
+            families.run_seed(two_steps, None, seed)
         except HcbfError:
             raise
-        except Exception as error:  # whatever a user's environment or attack raises
+        except Exception as error:  # a user's environment or attack may raise any
             reason = str(error).strip().partition("\n")[0]
             raise InvalidInputError(
                 f"certify: got {type(error).__name__}: {reason} in the first steps of an episode "
@@ -222,46 +235,41 @@ def _try(family: Family, seed: int) -> None:
 
 def caps_of(walker: Walker) -> tuple[float, float]:
     """Return the least and the greatest cap on the speed of a walker [m/s]."""
-    most = walker.command.forward
+    greatest = walker.command.forward
     response = walker.response or assumed(walker.command)
-    reserved = uncertainty(response, CONTROL_DT).speed
-    return min(max(LOWEST * most, SPEED_LEFT * reserved), most), most
-
-
-PLANTS: dict[str, SceneFamily | A1Mixture] = {
-    "regions": SceneFamily("HCBF-Regions-v0"),
-    "a1": SceneFamily("HCBF-A1Regions-v0"),
-    "a1-mixture": A1Mixture(),
-}
-"""name → family of episodes of the package's own plants, walkers apart."""
+    reserve = uncertainty(response, CONTROL_DT).speed
+    least = max(MIN_CAP_SHARE * greatest, MIN_CAP_RESERVES * reserve)
+    return min(least, greatest), greatest
 
 
 def _margins(
     args: Args, family: Family, runs: Runs, console: Console
 ) -> tuple[Uncertainty | None, tuple[Mapping[str, Any], ...]]:
-    """Return margins and how they were found: calibrated, or the plant's own; None is its law."""
+    """Return margins and the rounds of their calibration, both as `certify.Frozen` takes them.
+
+    The A1's mixture draws another plant for each episode, whose own law gives the margins.
+    """
     if isinstance(family, A1Mixture):
         return None, ()
     plant, _ = certify.plant_of(family)
     if args.calibration == 0:
         return plant.uncertainty, ()
-    found = certify.calibrated(
+    calibrated = certify.calibrated(
         family, plant.uncertainty, runs, args.calibration, args.bound / SAFER, args.seed
     )
-    for one in found.rounds:
+    for done in calibrated.rounds:
         console.print(
-            f"{one.what}: {one.entered} of {one.episodes} entered, least h {one.least_h:+.4g}, "
-            f"with distance {one.margins['distance']:.4g} and speed {one.margins['speed']:.4g} "
+            f"{done.what}: {done.entered} of {done.episodes} entered, least h {done.least_h:+.4g}, "
+            f"with distance {done.margins['distance']:.4g} and speed {done.margins['speed']:.4g} "
             "reserved",
             soft_wrap=True,
         )
-    return found.margins, calibration.plain(found.rounds)
+    return calibrated.margins, calibration.plain(calibrated.rounds)
 
 
-def _check(args: Args, runs: Runs, console: Console) -> None:
-    """Repeat a part of a certificate; what was kept would be no repetition."""
-    assert args.check is not None
-    file = certificates.file_of(args.check)
+def _check(source: str, args: Args, runs: Runs, console: Console) -> None:
+    """Repeat a part of a certificate; `runs` has no folder, as a saved result is no repetition."""
+    file = certificates.file_of(source)
     certificate = Certificate.load(file)
     checked = check.check(certificate, args.episodes, args.seed, runs)
     for phrase in checked.elsewhere:
@@ -279,8 +287,9 @@ def _check(args: Args, runs: Runs, console: Console) -> None:
 
 
 def _name(plant: str) -> str:
-    """Return a plant's name as a file may have it: of a path the last part, of a function both."""
-    stem, _, function = plant.partition(":")
-    base = Path(stem).stem if "/" in stem or stem.endswith((".py", ".json")) else stem
-    whole = f"{base}-{function}" if function not in ("", "certify", "make") else base
-    return re.sub(r"[^\w-]", "-", whole)
+    """Return a file's name for a plant: its last part, and its function unless certify or make."""
+    source, _, function = plant.partition(":")
+    is_path = "/" in source or source.endswith((".py", ".json"))
+    base = Path(source).stem if is_path else source
+    name = base if function in ("", "certify", "make") else f"{base}-{function}"
+    return re.sub(r"[^\w-]", "-", name)

@@ -1,4 +1,4 @@
-"""The A1 in everything that is covered at once, drawn for each episode from its seed.
+"""The A1 with all covered conditions at once, drawn for each episode from its seed.
 
 >>> family = A1Mixture()
 >>> family.episode(7) == family.episode(7)
@@ -24,9 +24,7 @@ from hcbf_gym.estimation import sensors
 from hcbf_gym.evaluation.attacked import AttackedEpisode
 from hcbf_gym.evaluation.attacks import ATTACKS
 
-STREAM = 23
-"""Sets the mixture's draws apart from those that the environment makes with the same seed."""
-
+STREAM = 23  # separates the mixture's draws from those of the environment with the same seed
 SCENES = ("random", "random-moving", "random-wide")  # the families of scenes
 
 RANGES = {
@@ -36,106 +34,108 @@ RANGES = {
     "delay": (0.0, 0.008),
     "sensor_noise": (0.0, 0.5),
 }
-"""The ranges of `Randomization`, all at once."""
-
+"""The range of each condition of `Randomization`, in its unit."""
 UNITS = {"payload": {"unit": "kg"}, "delay": {"unit": "s"}}
-
-LOAD = ((-0.08, 0.08), (-0.05, 0.05), (0.0, 0.08))
-"""Where the payload may be, along each axis of the trunk [m]."""
-
+PAYLOAD_BOX = ((-0.08, 0.08), (-0.05, 0.05), (0.0, 0.08))
+"""The range of the payload's place along each axis of the trunk [m]."""
 CAPS = (0.5, 1.7)
-"""The caps on the speed [m/s]; the plant's own may be lower than the one requested."""
-
-LEAST_ABLE = 2.5  # what U does in its weakest direction on the floor of least friction [m/s²]
-
+"""The range of the requested cap on the speed [m/s]; the plant may lower it."""
+LEAST_ACCELERATION = 2.5
+"""The acceleration of U in its weakest direction on the floor of least friction [m/s²]."""
 FRIENDLY: dict[str, dict[str, Any]] = {"pd": {}, "pd guided": {"guidance": "geodesic"}}
-"""PD with different arguments of the filter."""
+"""Policies that lead to the goal, each with its arguments of the filter."""
 
 
 @dataclass(frozen=True)
 class A1Mixture:
     """Attacked episodes of the A1 on any plant, cap, body, sensors and ground that are covered.
 
-    What a plant declares is drawn in one of three ways. At the *extremes*, every condition is that
-    end of its range which is farther from the nominal plant, and the ground is rough. By *ranges*,
-    every condition is declared as its whole range, from which the environment draws. Else, each
-    condition is, independently, nominal, at that end, or any number of its range.
+    A plant's conditions are drawn in one of three modes. The *far end* of a condition is the end of
+    its range that is farther from the nominal plant.
+
+    - At the *extremes*, every condition is at its far end, and the ground is rough.
+    - By *ranges*, every condition is declared as its whole range, from which the environment draws.
+    - Else, each condition is independently nominal, at its far end, or uniform in its range.
 
     Raises:
-        InvalidInputError: if a chance is not in [0, 1], or the two shares are more than all.
+        InvalidInputError: if a probability is not in [0, 1], or the shares of the first two modes
+            exceed 1 together.
     """
 
     extremes: float = 0.1  # share of plants at the extremes
     ranges: float = 0.2  # share of plants that are declared by ranges
-    nominal: float = 0.5  # chance that a condition of the other plants is nominal
-    # chance that one that is not is at the end of its range; of the payload's place, too
+    nominal: float = 0.5  # probability that a condition of the other plants is nominal
+    # probability that a condition that is not nominal is at its far end, or the payload in a corner
     end: float = 0.5
-    rough: float = 0.4  # chance of rough ground, of plants that are not at the extremes
-    # chance that the robot knows no more than an estimate, of a preset of sensors
-    estimated: float = 0.4
-    # chance that the whole robot must stay outside, not the trunk's centre alone
+    rough: float = 0.4  # probability of rough ground if the plant is not at the extremes
+    estimated: float = 0.4  # probability that a preset of sensors estimates the state
+    # probability that the whole robot must stay outside instead of the trunk's centre
     footprint: float = 0.4
-    steps: int = 1000  # the most that an episode takes
+    steps: int = 1000  # the greatest number of control steps of an episode
     program: str = "lex-cbf-qp"  # of the filter
 
     def __post_init__(self) -> None:
         for field in fields(self):
             if field.type is float:
-                chance = getattr(self, field.name)
-                finite_float(f"mixture: {field.name}", chance, minimum=0.0, maximum=1.0)
+                probability = getattr(self, field.name)
+                finite_float(f"mixture: {field.name}", probability, minimum=0.0, maximum=1.0)
         if self.extremes + self.ranges > 1.0:
             raise InvalidInputError(
                 f"mixture: got the shares {self.extremes} and {self.ranges}, expected at most 1"
             )
 
     def episode(self, seed: int) -> AttackedEpisode:
-        """Return the episode that a seed decides."""
+        """Return the episode of a seed."""
         rng = np.random.default_rng([STREAM, seed])
-        name = _one(rng, (*ATTACKS, *FRIENDLY))
-        scene = scenarios.make(_one(rng, SCENES), rng)
+        name = _choice(rng, (*ATTACKS, *FRIENDLY))
+        scene = scenarios.make(_choice(rng, SCENES), rng)
         low, high = CAPS
-        cap = _one(rng, (high, V_MAX, float(rng.uniform(low, high))))
+        cap = _choice(rng, (high, V_MAX, float(rng.uniform(low, high))))
         return AttackedEpisode(
             "pd" if name in FRIENDLY else name,
             replace(scene, v_max=cap).to_dict(),
             seed,
-            env_options={"max_episode_steps": self.steps} | self._declared(rng),
+            env_options={"max_episode_steps": self.steps} | self._plant_options(rng),
             filter_options={"program": self.program} | FRIENDLY.get(name, {}),
         )
 
-    def _declared(self, rng: np.random.Generator) -> dict[str, object]:
-        """Return arguments of the environment."""
-        way = rng.random()
-        extremes = way < self.extremes
-        by_ranges = not extremes and way < self.extremes + self.ranges
-        ranges: dict[str, object] = {}
+    def _plant_options(self, rng: np.random.Generator) -> dict[str, object]:
+        """Return random arguments of the environment: conditions, ground, body and sensors."""
+        mode = rng.random()
+        at_extremes = mode < self.extremes
+        by_ranges = not at_extremes and mode < self.extremes + self.ranges
+        conditions: dict[str, object] = {}  # a nominal condition is missing
         for name, covered in RANGES.items():
-            if extremes:
-                ranges[name] = _far_end(name)
+            if at_extremes:
+                conditions[name] = _far_end(name)
             elif by_ranges:
-                ranges[name] = list(covered)
+                conditions[name] = list(covered)
             elif rng.random() >= self.nominal:
                 at_end = rng.random() < self.end
-                ranges[name] = _far_end(name) if at_end else float(rng.uniform(*covered))
-        cornered = extremes or rng.random() < self.end
-        ranges["payload_position"] = [
-            float(rng.choice(axis) if cornered else rng.uniform(*axis)) for axis in LOAD
+                conditions[name] = _far_end(name) if at_end else float(rng.uniform(*covered))
+        in_corner = at_extremes or rng.random() < self.end
+        conditions["payload_position"] = [
+            float(rng.choice(axis) if in_corner else rng.uniform(*axis)) for axis in PAYLOAD_BOX
         ]
-        estimated = rng.random() < self.estimated
+        is_estimated = rng.random() < self.estimated
         return {
-            "randomization": ranges,
-            "terrain": "rough" if extremes or rng.random() < self.rough else "flat",
+            "randomization": conditions,
+            "terrain": "rough" if at_extremes or rng.random() < self.rough else "flat",
             "body": "footprint" if rng.random() < self.footprint else "point",
-            "estimation": _one(rng, tuple(sensors.PRESETS)) if estimated else None,
+            "estimation": _choice(rng, tuple(sensors.PRESETS)) if is_estimated else None,
         }
 
     def certifies(self, declared: Mapping[str, object]) -> dict[str, Any]:
-        """Return what a plant must declare to be one of these."""
+        """Return the declarations that a certificate covers; `declared` is the first episode's."""
         worst = sensors.PRESETS["uwb"]
-        slow = ("rate", "drift_time", "orientation_time", "slip_time")
-        bounds = {f.name: "from" if f.name in slow else "to" for f in fields(worst)}
-        sensed = {name: {end: getattr(worst, name)} for name, end in bounds.items()}
-        place = [{"from": low, "to": high} for low, high in LOAD]
+        better_if_greater = ("rate", "drift_time", "orientation_time", "slip_time")
+        sensed = {
+            field.name: {
+                "from" if field.name in better_if_greater else "to": getattr(worst, field.name)
+            }
+            for field in fields(worst)
+        }
+        place = [{"from": low, "to": high} for low, high in PAYLOAD_BOX]
         return {
             "environment": declared["environment"],
             "xml_file": None,
@@ -150,7 +150,7 @@ class A1Mixture:
             },
             "payload_position": {
                 "any of": [None, {"each": place}],
-                "words": f"{', '.join(words(one) for one in place)} m along x, y, z",
+                "words": f"{', '.join(words(axis) for axis in place)} m along x, y, z",
             },
             "disturbances": None,
             "estimation": {
@@ -161,8 +161,9 @@ class A1Mixture:
             "body": {"any of": ["point", "footprint"]},
             "obstacles": 0,
             "input_set": {
-                "from": LEAST_ABLE,
-                "words": f"at least {LEAST_ABLE} m/s² in every direction, once fitted to the floor",
+                "from": LEAST_ACCELERATION,
+                "words": f"at least {LEAST_ACCELERATION} m/s² in every direction, once fitted to "
+                "the floor",
             },
             "v_max": {"from": CAPS[0], "to": CAPS[1], "unit": "m/s"},
             "scene": {"any of": list(SCENES)},
@@ -170,11 +171,11 @@ class A1Mixture:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What it is, in sentences."""
+        """Sentences for the certificate's page that describe the episodes."""
         low, high = CAPS
         others = 1.0 - self.extremes - self.ranges
         covered = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in RANGES.items())
-        place = ", ".join(f"{a:g} to {b:g}" for a, b in LOAD)
+        place = ", ".join(f"{a:g} to {b:g}" for a, b in PAYLOAD_BOX)
         return (
             "The environment is HCBF-A1Regions-v0, with a plant, a cap and a scene of its own in "
             "each episode.",
@@ -200,7 +201,7 @@ class A1Mixture:
 
     @property
     def files(self) -> list[Path]:
-        """The user's files that decide the episodes: none."""
+        """The user's files that decide the episodes; there are none."""
         return []
 
 
@@ -210,5 +211,6 @@ def _far_end(name: str) -> float:
     return max(RANGES[name], key=lambda end: abs(end - nominal))
 
 
-def _one(rng: np.random.Generator, things: Sequence[Any]) -> Any:
-    return things[int(rng.integers(len(things)))]
+def _choice(rng: np.random.Generator, options: Sequence[Any]) -> Any:
+    """Return one of the options, each with the same probability and with its own type."""
+    return options[int(rng.integers(len(options)))]

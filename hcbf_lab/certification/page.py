@@ -1,4 +1,4 @@
-"""The page of a certificate: its bound, how it was drawn, and its limits."""
+"""The page of a certificate: its bound, the episodes that were drawn, and its limits."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from hcbf_gym.certificates.parts import PRESSED
 from hcbf_gym.certificates.sequential import running_bound
 from hcbf_gym.evaluation.tables import Table
 
-SILENT = (
+LIMITS = (
     "Of an attacker, a scene or a start that is not drawn as below, nothing: a policy that was "
     "trained against this plant may enter more often than the mixture of these.",
     "Of one scene or one policy alone, only the bound of that line below.",
@@ -18,40 +18,41 @@ SILENT = (
     "Of tries that are not declared: several on fresh seeds share the doubt by `--try`; one alone "
     "may be looked at, stopped and continued at no price.",
 )
-"""Limits of every certificate, a sentence for each."""
+"""The limits of every certificate, a sentence for each."""
 
 
 def page(certificate: Certificate) -> str:
-    """Return the page in Markdown."""
+    """Return the page of a certificate in Markdown."""
     c = certificate
-    share = c.confidence
+    bounds = ", ".join(f"{bound:.3g} of {name}" for name, bound in c.weightings.items())
+    computed_with = ", ".join(f"{name} {version}" for name, version in c.versions.items())
+    declared = [(name, _declaration(value)) for name, value in c.plant.items()]
     return "\n".join([
         f"# Certificate: {c.name}",
         "",
-        f"**P(enter) ≤ {c.bound:.3g}** for the next episode, with a confidence of {share:.1%}: "
+        f"**P(enter) ≤ {c.bound:.3g}** for the next episode, with a confidence of "
+        f"{c.confidence:.1%}: "
         f"{c.entered} of {c.episodes:,} fresh episodes entered rank 1, the first that were enough: "
         f"e = {c.e_value:.4g} ({_try(c)}). The least h was {c.least_h:+.4g}; the robot "
         f"fell in {c.falls}, and the filter raised an alarm in {c.alarms}.",
         "",
         _stakes(c),
         "",
-        "Bounds for every weighting of its families: "
-        + ", ".join(f"{bound:.3g} of {name}" for name, bound in c.weightings.items())
-        + ".",
+        f"Bounds for every weighting of its families: {bounds}.",
         "",
         "## What was certified",
         *(f"- {sentence}" for sentence in c.words),
         f"- {_margins(c)}",
         f"- Seeds {c.first_seed} to {c.first_seed + c.episodes - 1}; hash `{c.hash}`.",
         f"- Earned for hcbf-gym {c.version}, commit {c.commit or 'unknown'}.",
-        f"- Computed with {', '.join(f'{name} {v}' for name, v in c.versions.items())}.",
+        f"- Computed with {computed_with}.",
         "",
         "A plant is this one where it declares:",
         "",
-        Table("", ("name", "certified"), [(n, _cell(v)) for n, v in c.plant.items()]).markdown(),
+        Table("", ("name", "certified"), declared).markdown(),
         "",
         "## Limits",
-        *(f"- {sentence}" for sentence in SILENT),
+        *(f"- {sentence}" for sentence in LIMITS),
         "",
         "## Who was drawn",
         _strata(c).markdown(),
@@ -65,13 +66,13 @@ def page(certificate: Certificate) -> str:
 
 
 def _try(c: Certificate) -> str:
-    """Return which try it was, and what it had to reach."""
+    """Return the number of the try, and the e-value that it requires."""
     which = "the only try" if c.attempt == 0 else f"try {c.attempt}"
     return f"{which}, which needs {1.0 / c.doubt:,.4g} at least"
 
 
 def _stakes(c: Certificate) -> str:
-    """Return how much was put to the test."""
+    """Return how much the episodes put rank 1 to the test."""
     return (
         f"In {c.shown.pressed / c.episodes:.0%} of the episodes the filter had to change an input "
         f"that would have entered rank 1 within a second ({PRESSED:.0%} are required, so that the "
@@ -81,6 +82,7 @@ def _stakes(c: Certificate) -> str:
 
 
 def _margins(c: Certificate) -> str:
+    """Return the margins that rows reserve."""
     if c.margins is None:
         return "Rows reserve what the plant's own law gives for each episode."
     listed = ", ".join(f"{name} {value:.4g}" for name, value in c.margins._asdict().items())
@@ -88,30 +90,24 @@ def _margins(c: Certificate) -> str:
 
 
 def _strata(c: Certificate) -> Table:
-    """Return what each policy did in each family of scenes."""
-    doubt = c.doubt / len(c.strata)
-    rows = [
-        (
-            s.policy, s.scene, str(s.episodes),
-            f"{s.entered} (≤ {running_bound(s.entered, s.episodes, doubt):.2%})",
-            f"{s.least_h:+.4g}",
-        )
-        for s in c.strata
-    ]  # fmt: skip
+    """Return a table of the episodes of each policy in each family of scenes."""
+    doubt = c.doubt / len(c.strata)  # so that the bounds of all strata hold together
+    rows = []
+    for s in c.strata:
+        entered = f"{s.entered} (≤ {running_bound(s.entered, s.episodes, doubt):.2%})"
+        rows.append((s.policy, s.scene, str(s.episodes), entered, f"{s.least_h:+.4g}"))
     return Table("", ("policy", "scenes", "episodes", "entered (≤ at β/m)", "least h"), rows)
 
 
 def _calibration(c: Certificate) -> str:
-    """Return a table of the rounds, or that there were none."""
+    """Return a table of the rounds of the calibration, or a sentence if there were none."""
     if not c.calibration:
         return "They are the plant's own; no calibration came before."
-    rows = [
-        (
-            one["what"], *(f"{one['margins'][name]:.4g}" for name in CALIBRATED),
-            str(one["episodes"]), str(one["entered"]), f"{one['least_h']:+.4g}",
-        )
-        for one in c.calibration
-    ]  # fmt: skip
+    rows = []
+    for done in c.calibration:
+        margins = [f"{done['margins'][name]:.4g}" for name in CALIBRATED]
+        counts = str(done["episodes"]), str(done["entered"])
+        rows.append((done["what"], *margins, *counts, f"{done['least_h']:+.4g}"))
     table = Table("", ("what", *CALIBRATED, "episodes", "entered", "least h"), rows)
     return (
         "Searched attackers find failures; they are no independent draws, and bound nothing.\n\n"
@@ -119,7 +115,8 @@ def _calibration(c: Certificate) -> str:
     )
 
 
-def _cell(value: object) -> str:
+def _declaration(value: object) -> str:
+    """Return a declared value in words, or the choices or the range that are certified of it."""
     if isinstance(value, Mapping) and set(value) == {"any of"}:
         return ", ".join(map(str, value["any of"]))
     if isinstance(value, Mapping) and set(value) == {"from", "to"}:

@@ -1,4 +1,4 @@
-"""Open a playground in the browser: drag regions, steer, push, and watch who pays for whom."""
+"""Open a playground in the browser: drag regions, steer, push, and see which ranks are relaxed."""
 
 import threading
 from dataclasses import dataclass, field
@@ -16,12 +16,12 @@ from hcbf_lab.play.settings import HUMAN, Settings
 
 @dataclass(frozen=True)
 class Args:
-    """Where the page is, and what is chosen at first; all of it can be changed in the page."""
+    """The address of the page and the first settings, which can be changed in the page."""
 
     port: Annotated[int, Range(0, 65_535)] | None = None
     """The port; by default the first free one from 8080 on."""
     settings: tyro.conf.OmitArgPrefixes[Settings] = field(default_factory=Settings)
-    """What is chosen."""
+    """The first settings."""
     scenario: str = "random"
     """A name from hcbf_gym.scenarios.names(), or a path to a JSON file."""
     map: Path | None = None

@@ -1,4 +1,4 @@
-"""What is seen of a session in three dimensions: floor, regions, robot, reference, path, field."""
+"""The drawing of a session in three dimensions: regions, map, robot, reference, path and field."""
 
 from typing import Any
 
@@ -17,75 +17,73 @@ from hcbf_robots.maps import RankedMap
 
 Rgb = tuple[int, int, int]
 
-WALL_LENGTH, WALL_DEPTH = 40.0, 0.6  # how much of a forbidden half-plane is drawn [m]
-COLLISION_GROUP = 3  # the group of geoms that MuJoCo's own viewer hides
+WALL_LENGTH, WALL_DEPTH = 40.0, 0.6  # of the part of a forbidden half-plane that is drawn [m]
+COLLISION_GROUP = 3  # the first group of geoms that MuJoCo's viewer hides
 LOWEST, HIGHEST = 0.004, 0.03
-"""Between which heights regions are drawn, each at its own, a higher rank above a lower one [m]."""
-WALL_HEIGHT = 0.3  # of the strict cells of a map, low enough to look over [m]
+"""The heights of the regions of the last and of the first rank [m]."""
+WALL_HEIGHT = 0.3  # of the strict cells of a map, low enough to see over [m]
 ARROWS = 25  # arrows of the guidance field along the longer side of the scene
-PATH_POINTS = 400
+ARROW_LENGTH = 0.7  # of the distance between two arrows
+MAX_PATH_POINTS = 400
+PATH_STEP = 0.03  # the least distance between two points of the path [m]
 
 
 class Stage:
-    """The three-dimensional scene of a page."""
+    """The three-dimensional scene of a page, which all browsers share."""
 
     def __init__(self, server: viser.ViserServer):
         self._scene = server.scene
-        self._bodies: list[tuple[int, viser.SceneNodeHandle]] = []
+        self._bodies: list[tuple[int, viser.SceneNodeHandle]] = []  # with MuJoCo's index
         self._regions: list[tuple[Shape, viser.MeshHandle]] = []
-        self._floor: RankedMap | None = None
-        self._cells: list[viser.MeshHandle] = []
+        self._map: RankedMap | None = None
+        self._map_meshes: list[viser.MeshHandle] = []
         self._path: list[Array] = []
-        self._line: viser.LineSegmentsHandle | None = None
-        self._field: list[viser.ArrowsHandle] = []
-        self._scene.configure_default_lights(cast_shadow=False)  # half of a software frame
+        self._path_line: viser.LineSegmentsHandle | None = None
+        self._arrows: list[viser.ArrowsHandle] = []
+        self._scene.configure_default_lights(cast_shadow=False)  # shadows double a frame's time
         self._scene.add_grid(
             "/floor", width=60.0, height=60.0, cell_size=0.5, section_size=5.0, position=(0, 0, 0)
         )
         self._reference = self._scene.add_icosphere("/reference/now", 0.05, rgb(REFERENCE))
 
     def show_scene(self, scenario: Scenario, t: float) -> None:
-        """Draw regions, boxes, reference and goal."""
+        """Draw the regions at time t [s], the map, the reference and the goal."""
         for _, handle in self._regions:
             handle.remove()
         self._regions = [
             (region, self._draw_region(k, region, height, t))
             for k, (region, height) in enumerate(stacked(scenario))
         ]
-        floor = scenario.map if isinstance(scenario.map, RankedMap) else None
-        if floor is not self._floor:
-            self._show_map(floor)
+        ranked_map = scenario.map if isinstance(scenario.map, RankedMap) else None
+        if ranked_map is not self._map:
+            self._show_map(ranked_map)
         times = np.linspace(0.0, max(scenario.reference.duration, 1e-3), 100)
-        line = np.array([[*scenario.reference(s)[0], HIGHEST + 0.005] for s in times])
-        self._scene.add_line_segments(
-            "/reference/line",
-            np.stack([line[:-1:2], line[1::2]], axis=1),
-            rgb(REFERENCE),
-            thickness=0.02,
-        )
+        points = np.array([[*scenario.reference(s)[0], HIGHEST + 0.005] for s in times])
+        dashes = np.stack([points[:-1:2], points[1::2]], axis=1)
+        self._scene.add_line_segments("/reference/line", dashes, rgb(REFERENCE), thickness=0.02)
         self._scene.add_cylinder(
             "/reference/goal", 0.1, 0.02, rgb(REFERENCE), position=(*scenario.goal, HIGHEST)
         )
 
     def show_robot(self, model: mujoco.MjModel | None) -> None:
-        """Draw another robot: every body of the A1's scene, or a disc for the reduced-order one."""
+        """Draw another robot: all bodies of its MuJoCo scene, or a disc for None, the model."""
         for _, handle in self._bodies:
             handle.remove()
         self._bodies = []
         if model is None:
-            puck = self._scene.add_cylinder("/robot/body0", 0.12, 0.16, rgb(PATH))
-            self._bodies.append((-1, puck))
+            disc = self._scene.add_cylinder("/robot/body0", 0.12, 0.16, rgb(PATH))
+            self._bodies.append((-1, disc))
             return
         for body in range(1, model.nbody):
             frame = self._scene.add_frame(f"/robot/body{body}", show_axes=False)
             self._bodies.append((body, frame))
             for geom in np.flatnonzero(model.geom_bodyid == body).tolist():
-                shape = _shape(model, geom)
-                if shape is not None and model.geom_group[geom] < COLLISION_GROUP:
+                surface = _surface(model, geom)
+                if surface is not None and model.geom_group[geom] < COLLISION_GROUP:
                     self._scene.add_mesh_simple(
                         f"/robot/body{body}/geom{geom}",
-                        shape.vertices,
-                        shape.faces,
+                        surface.vertices,
+                        surface.faces,
                         color=tuple((255 * model.geom_rgba[geom, :3]).astype(int).tolist()),
                         position=model.geom_pos[geom],
                         wxyz=model.geom_quat[geom],
@@ -96,7 +94,10 @@ class Stage:
         self._path = []
 
     def move(self, position: Array, poses: Array | None, reference: Array, t: float) -> None:
-        """Put the robot, moving regions and the reference's point where they are."""
+        """Move the robot, the moving regions and the reference to their places at time t [s].
+
+        Position and reference are points (2,) [m]; `poses` is that of a `Snapshot`.
+        """
         for body, handle in self._bodies:
             if poses is None:
                 handle.position = (*position.tolist(), 0.1)
@@ -108,100 +109,105 @@ class Stage:
                 x, y = (velocity * t).tolist()
                 handle.position = (x, y, handle.position[2])
         self._reference.position = (*reference.tolist(), 0.05)
-        if not self._path or np.linalg.norm(self._path[-1] - position) > 0.03:
-            self._path = [*self._path[-PATH_POINTS:], position]
+        if not self._path or np.linalg.norm(self._path[-1] - position) > PATH_STEP:
+            self._path = [*self._path[-MAX_PATH_POINTS:], position]
 
     def show_path(self) -> None:
-        """Draw the path walked."""
+        """Draw the last part of the robot's path."""
         points = np.array([[*p, HIGHEST + 0.01] for p in self._path])
         if len(points) > 1:
-            pairs = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+            lines = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
         else:
-            pairs = np.zeros((1, 2, 3), dtype=np.float32)
-        if self._line is None:
-            self._line = self._scene.add_line_segments("/path", pairs, rgb(PATH), thickness=0.03)
-        self._line.points = pairs
+            lines = np.zeros((1, 2, 3), dtype=np.float32)
+        if self._path_line is None:
+            add_lines = self._scene.add_line_segments
+            self._path_line = add_lines("/path", lines, rgb(PATH), thickness=0.03)
+        self._path_line.points = lines
 
     def show_field(self, scenario: Scenario | None) -> None:
-        """Draw where the guidance field leads from everywhere, or nothing.
+        """Draw arrows in the direction of the guidance field; None draws none.
 
         Raises:
-            InvalidInputError: if there is no field, as where the goal lies in a strict region.
+            InvalidInputError: if there is no field, for example if the goal is in a strict region.
         """
-        for handle in self._field:
+        for handle in self._arrows:
             handle.remove()
-        self._field = []
+        self._arrows = []
         if scenario is None:
             return
-        way = guidance.Geodesic()
-        way.reset(scenario.conditions, scenario.goal, start=scenario.start)
-        geometry = way.geometry[0]
-        values = np.array(grid(way.field[0], geometry), dtype=np.float64)
-        stride = max(1, max(values.shape) // ARROWS)
-        down: Any = np.gradient(-values)
+        field = guidance.Geodesic()
+        field.reset(scenario.conditions, scenario.goal, start=scenario.start)
+        geometry = field.geometry[0]
+        distance = np.array(grid(field.field[0], geometry), dtype=np.float64)  # to the goal
+        stride = max(1, max(distance.shape) // ARROWS)  # cells from one arrow to the next
         rows, columns = np.meshgrid(
-            *(np.arange(stride // 2, n, stride) for n in values.shape), indexing="ij"
+            *(np.arange(stride // 2, n, stride) for n in distance.shape), indexing="ij"
         )
-        way_y, way_x = (part[rows, columns].ravel() for part in down)
-        length = np.hypot(way_x, way_y)
-        goes = np.isfinite(length) & (length > 0.0)
-        far = 0.7 * stride / length[goes]
-        tails = rows.ravel()[goes], columns.ravel()[goes]
-        heads = tails[0] + far * way_y[goes], tails[1] + far * way_x[goes]
-        starts, ends = (np.column_stack(to_world(*at, geometry)) for at in (tails, heads))
-        reach = 0.7 * stride * geometry[2]
-        height = np.full((len(starts), 1), HIGHEST + 0.01)
-        arrows = np.stack([np.hstack([starts, height]), np.hstack([ends, height])], axis=1)
-        self._field.append(
+        descent: Any = np.gradient(-distance)
+        descent_y, descent_x = (component[rows, columns].ravel() for component in descent)
+        slope = np.hypot(descent_x, descent_y)
+        is_known = np.isfinite(slope) & (slope > 0.0)
+        cells_per_slope = ARROW_LENGTH * stride / slope[is_known]
+        tails = rows.ravel()[is_known], columns.ravel()[is_known]
+        step_y, step_x = (
+            cells_per_slope * descent_y[is_known],
+            cells_per_slope * descent_x[is_known],
+        )
+        heads = tails[0] + step_y, tails[1] + step_x
+        height = np.full(len(tails[0]), HIGHEST + 0.01)
+        ends = [np.column_stack([*to_world(*cells, geometry), height]) for cells in (tails, heads)]
+        arrows = np.stack(ends, axis=1)
+        length = ARROW_LENGTH * stride * geometry[2]
+        self._arrows.append(
             self._scene.add_arrows(
                 "/field", arrows, (80, 130, 90),
-                shaft_radius=0.06 * reach, head_radius=0.16 * reach, head_length=0.4 * reach,
+                shaft_radius=0.06 * length, head_radius=0.16 * length, head_length=0.4 * length,
             )
         )  # fmt: skip
 
-    def _show_map(self, floor: RankedMap | None) -> None:
-        """Draw each class of a map: flat, and what is strict and known as high as a wall."""
-        for handle in self._cells:
+    def _show_map(self, ranked_map: RankedMap | None) -> None:
+        """Draw each class of a map flat on the floor, but known strict cells as walls."""
+        for handle in self._map_meshes:
             handle.remove()
-        self._cells, self._floor = [], floor
-        if floor is None:
+        self._map_meshes, self._map = [], ranked_map
+        if ranked_map is None:
             return
-        ordered = sorted(floor.classes, key=lambda one: (one.limit is None, -one.rank))
+        ordered = sorted(ranked_map.classes, key=lambda cells: (cells.limit is None, -cells.rank))
         heights = np.linspace(0.25 * LOWEST, LOWEST, len(ordered), endpoint=False).tolist()
-        for k, (one, height) in enumerate(zip(ordered, heights, strict=True)):
-            wall = WALL_HEIGHT if one.is_strict and one.kind == "keepout" else height
-            surface = _raised(floor.polygons(one.name), height, wall)
-            if len(surface[1]):
-                color = SPEED_ZONE if one.limit is not None else priority_color(one.rank)
-                share = 0.7 if one.kind == "unknown" else 0.3
-                self._cells.append(
-                    self._scene.add_mesh_simple(
-                        f"/map/{k}", *surface, color=rgb(paler(color, share)), side="double",
-                        flat_shading=True, cast_shadow=False, receive_shadow=False,
-                    )
-                )  # fmt: skip
+        for k, (cells, height) in enumerate(zip(ordered, heights, strict=True)):
+            is_wall = cells.is_strict and cells.kind == "keepout"
+            vertices, faces = _prisms(
+                ranked_map.polygons(cells.name), height, WALL_HEIGHT if is_wall else height
+            )
+            if not len(faces):
+                continue
+            color = SPEED_ZONE if cells.limit is not None else priority_color(cells.rank)
+            white = 0.7 if cells.kind == "unknown" else 0.3  # share of white in the color
+            self._map_meshes.append(
+                self._scene.add_mesh_simple(
+                    f"/map/{k}", vertices, faces, color=rgb(paler(color, white)), side="double",
+                    flat_shading=True, cast_shadow=False, receive_shadow=False,
+                )
+            )  # fmt: skip
 
     def _draw_region(self, k: int, region: Shape, height: float, t: float) -> viser.MeshHandle:
-        corners = _flat(region)
+        """Draw the k-th region as a fan of triangles at a height [m], where it is at time t [s]."""
+        corners = _corners(region)
         vertices = np.column_stack([corners, np.zeros(len(corners))])
         fan = np.arange(1, len(corners) - 1)
         faces = np.column_stack([np.zeros(len(fan), dtype=np.int64), fan, fan + 1])
         return self._scene.add_mesh_simple(
-            f"/regions/{k}",
-            vertices,
-            faces,
-            color=rgb(paler(priority_color(region.priority))),
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
+            f"/regions/{k}", vertices, faces, color=rgb(paler(priority_color(region.priority))),
+            side="double", cast_shadow=False, receive_shadow=False,
             position=(*(t * region.frame_velocity), height),
-        )
+        )  # fmt: skip
 
 
 def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
-    """Return the regions of a scene, each with another height [m], so that none flickers.
+    """Return the regions of a scene, each with another height [m], higher for a higher rank.
 
-    They are opaque as well: a browser would blend them or not, as it happens to sort them.
+    At equal heights they would flicker. They are opaque, because blending depends on how a browser
+    sorts them.
     """
     regions = [barrier for barrier in scenario.barriers if isinstance(barrier, Shape)]
     regions.sort(key=lambda region: -region.priority)
@@ -209,44 +215,49 @@ def stacked(scenario: Scenario) -> list[tuple[Shape, float]]:
     return list(zip(regions, heights.tolist(), strict=True))
 
 
-def _raised(polygons: list[Array], bottom: float, top: float) -> tuple[Array, Integers]:
-    """Return vertices (n, 3) and faces (f, 3) of prisms over polygons (k, 2), without floors."""
+def _prisms(polygons: list[Array], bottom: float, top: float) -> tuple[Array, Integers]:
+    """Return vertices (n, 3) and faces (f, 3) of open prisms over convex polygons (k, 2).
+
+    Vertices 0 to k − 1 of a prism are its top, the next k are below them. It has no floor.
+    """
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for corners in polygons:
         k = len(corners)
-        turn = np.arange(k)
-        after = (turn + 1) % k
+        corner = np.arange(k)
+        following = (corner + 1) % k
         vertices.append(
             np.column_stack([np.vstack([corners, corners]), np.repeat([top, bottom], k)])
         )
-        fan = np.column_stack([np.zeros(k - 2, dtype=np.int64), turn[1:-1], turn[2:]])
-        sides = np.column_stack([turn, k + turn, k + after, turn, k + after, after])
+        fan = np.column_stack([np.zeros(k - 2, dtype=np.int64), corner[1:-1], corner[2:]])
+        sides = np.column_stack(
+            [corner, k + corner, k + following, corner, k + following, following]
+        )
         faces += [count + fan, count + sides.reshape(-1, 3)]
         count += 2 * k
     return np.vstack(vertices), np.vstack(faces)
 
 
 def rgb(color: str) -> Rgb:
-    """Return (r, g, b), 0 … 255, of "#rrggbb"."""
+    """Return (r, g, b), each from 0 to 255, from "#rrggbb"."""
     return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
 
 
-def _flat(region: Shape) -> Array:
-    """Return (k, 2) the corners of what a region forbids at time 0."""
-    drawn = region.outline()
-    if isinstance(drawn, Oval):
-        return drawn.corners()
-    if isinstance(drawn, Wall):
-        normal = np.array(drawn.normal)
+def _corners(region: Shape) -> Array:
+    """Return the corners (k, 2) of the forbidden area of a region at time 0 [m]."""
+    outline = region.outline()
+    if isinstance(outline, Oval):
+        return outline.corners()
+    if isinstance(outline, Wall):
+        normal = np.array(outline.normal)
         along = 0.5 * WALL_LENGTH * np.array([-normal[1], normal[0]])
-        foot = drawn.offset * normal
+        foot = outline.offset * normal
         back = WALL_DEPTH * normal
         return np.array([foot - along, foot + along, foot + along - back, foot - along - back])
-    return drawn
+    return outline
 
 
-def _shape(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
-    """Return the surface of a geom, None for a kind that is not drawn."""
+def _surface(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
+    """Return the surface of a geom; None if its type is not drawn."""
     size = model.geom_size[geom]
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     if kind == mujoco.mjtGeom.mjGEOM_BOX:

@@ -1,4 +1,4 @@
-"""The page of a session: what browsers see of it, sent as often as they can take it."""
+"""The page of a session: a web server that shows it in browsers and takes their commands."""
 
 import contextlib
 import io
@@ -11,6 +11,7 @@ import viser
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.scenarios import Scenario
 from hcbf_lab.play import readings
 from hcbf_lab.play.controls import Controls
 from hcbf_lab.play.drawing import Stage
@@ -21,24 +22,24 @@ from hcbf_lab.play.thread_safe_event import use_thread_safe_events
 
 HERE = "127.0.0.1"
 FIRST_PORT = 8080
-RATE = 40.0  # how often poses are sent [1/s]; words and curves come `SLOWER` times less often
-SLOWER = 5
-NEAREST = 0.1
-"""What is nearer to the camera is not drawn [m]; ten times viser's own, so that a depth buffer can
-distinguish regions that are a millimetre above each other."""
-OFF_CENTRE = 1.0  # how far the robot gets from its place in the view before the camera follows [m]
-PANEL = 400  # what the panel hides at the right of a window [pixels]
-NARROW = 576  # up to this width viser puts the panel below the scene [pixels]
+RATE = 40.0  # updates of the poses [1/s]
+POSES_PER_TEXT = 5  # updates of the poses from one update of texts and plots to the next
+NEAR_PLANE = 0.1
+"""The distance from the camera at which drawing begins [m]. It is ten times viser's own, so that
+the depth buffer distinguishes regions that are a millimetre above each other."""
+MAX_SHIFT = 1.0  # of the robot in the view, beyond which the camera follows [m]
+PANEL_WIDTH = 400  # at the right of a window [pixels]
+NARROW_WIDTH = 576  # of a window, up to which viser puts the panel below the scene [pixels]
 
 
 class Page:
-    """A web server that shows a session and takes its commands.
+    """A web server on this machine that shows a session and takes its commands.
 
-    Viser retains only the newest of every value that a browser has not fetched yet, so a slow one
-    delays nothing. Without a browser, time stops. It listens at this machine alone.
+    Of every value that a browser has not fetched yet, viser retains only the newest, so that a slow
+    browser delays nothing. Without a browser, time stops.
 
     Args:
-        session: what is shown.
+        session: to show.
         port: the port; None takes the first free one from 8080 on, 0 any free one.
 
     Raises:
@@ -65,22 +66,24 @@ class Page:
         self._server.gui.add_html(readings.STYLE)
         self._words = self._server.gui.add_html("")
         self.controls = Controls(self._server, session, self.steering)
-        self._aside: dict[int, Array] = {}
-        self._server.on_client_connect(self._greet)
-        self._server.on_client_disconnect(self._part)
+        self._panel_shifts: dict[int, Array] = {}  # of the cameras, by browser
+        self._server.on_client_connect(self._on_connect)
+        self._server.on_client_disconnect(self._on_disconnect)
         self._plots = Plots(self._server, self.controls.plots)
         self._stage = Stage(self._server)
         x, y = session.latest.position.tolist()
         self._server.initial_camera.position = (x - 3.0, y - 3.0, 3.5)
         self._server.initial_camera.look_at = (x, y, 0.0)
-        self._server.initial_camera.near = NEAREST
+        self._server.initial_camera.near = NEAR_PLANE
         self._watched: bool | None = None
-        self._revision, self._time, self._body, self._count = -1, -1.0, object(), 0
+        # of the snapshot that was shown last
+        self._revision, self._time, self._body = -1, -1.0, object()
+        self._updates = 0
 
-    def run(self, stop: threading.Event, alive: threading.Thread) -> None:
-        """Show the session until `stop` is set, or until its thread has ended."""
+    def run(self, stop: threading.Event, simulation: threading.Thread) -> None:
+        """Show the session until `stop` is set, or until the thread that runs it has ended."""
         due = time.perf_counter()
-        while alive.is_alive() and not stop.is_set():
+        while simulation.is_alive() and not stop.is_set():
             self.show()
             due = max(due + 1.0 / RATE, time.perf_counter())
             time.sleep(max(0.0, due - time.perf_counter()))
@@ -91,7 +94,7 @@ class Page:
             self._server.stop()
 
     def show(self) -> None:
-        """Send what has changed since the last time."""
+        """Send the changes since the last call to the browsers."""
         snapshot = self._session.latest
         watched = bool(self._server.get_clients())
         if watched != self._watched:
@@ -104,75 +107,75 @@ class Page:
             if snapshot.time < self._time:
                 self._stage.restart()
                 self._plots.restart()
-            if snapshot.revision != self._revision or self.controls.stale():
+            if snapshot.revision != self._revision or self.controls.pop_stale():
                 self._stage.show_scene(snapshot.scenario, snapshot.time)
-                self.controls.agree(snapshot)
+                self.controls.show(snapshot)
                 self._show_field(snapshot.scenario if self.controls.show_field else None)
             self._revision, self._time = snapshot.revision, snapshot.time
             self._stage.move(snapshot.position, snapshot.poses, snapshot.reference, snapshot.time)
-            self.controls.follow(snapshot)
+            self.controls.move_stick(snapshot)
             if self.controls.follows:
                 self._follow(snapshot.position)
-            if self._count % SLOWER == 0:
-                self._words.content = readings.html(snapshot, self._who_steers())
+            if self._updates % POSES_PER_TEXT == 0:
+                self._words.content = readings.html(snapshot, self._steering_in_words())
                 self._stage.show_path()
                 self._plots.show(snapshot)
-        self._count += 1
+        self._updates += 1
 
-    def _greet(self, client: viser.ClientHandle) -> None:
-        """Show a new browser the robot in the middle of what the panel leaves free."""
-        camera, first = client.camera, self._server.initial_camera
-        views = (camera.position, first.position), (camera.look_at, first.look_at)
-        if not all(np.allclose(*pair, atol=1e-3) for pair in views):
-            return  # a view that the browser brought stays
-        aside = beside_the_panel(camera)
-        self._aside[client.client_id] = aside
-        camera.position = camera.position + aside
+    def _on_connect(self, client: viser.ClientHandle) -> None:
+        """Centre the robot beside the panel in a browser that has no view of its own yet."""
+        camera, initial = client.camera, self._server.initial_camera
+        view = np.array([camera.position, camera.look_at])
+        if np.allclose(view, [initial.position, initial.look_at], atol=1e-3):
+            shift = panel_shift(camera)
+            self._panel_shifts[client.client_id] = shift
+            camera.position = camera.position + shift
 
-    def _part(self, client: viser.ClientHandle) -> None:
-        self._aside.pop(client.client_id, None)
-        self.controls.left(client.client_id)
+    def _on_disconnect(self, client: viser.ClientHandle) -> None:
+        """Forget a browser, and free the controls if it steered."""
+        self._panel_shifts.pop(client.client_id, None)
+        self.controls.release(client.client_id)
 
     def _follow(self, position: Array) -> None:
-        """Bring the robot back to its place in every browser's view where it has left it."""
+        """Move the cameras from whose view the robot at a position (2,) [m] has moved away."""
         for client in self._server.get_clients().values():
             camera = client.camera
             shift = np.array([*(position - camera.look_at[:2]), 0.0])
-            shift += self._aside.get(client.client_id, 0.0)
-            if np.linalg.norm(shift) > OFF_CENTRE:
-                camera.position = camera.position + shift  # what is looked at comes along
+            shift += self._panel_shifts.get(client.client_id, 0.0)
+            if np.linalg.norm(shift) > MAX_SHIFT:
+                camera.position = camera.position + shift  # viser moves `look_at` with it
 
-    def _show_field(self, scenario: object) -> None:
+    def _show_field(self, scenario: Scenario | None) -> None:
+        """Draw the guidance field, or notify all browsers that there is none."""
         try:
-            self._stage.show_field(scenario)  # type: ignore[arg-type]
+            self._stage.show_field(scenario)
         except HcbfError as error:
             for client in self._server.get_clients().values():
                 client.add_notification("no guidance field", str(error), auto_close_seconds=6.0)
 
-    def _who_steers(self) -> str:
-        watching = len(self._server.get_clients())
+    def _steering_in_words(self) -> str:
+        """Return which browser steers, and the number of browsers."""
         holder = self.steering.holder
-        who = "no one steers yet" if holder is None else f"browser {holder} steers"
-        return f"{who}, {watching} connected"
+        steers = "no one steers yet" if holder is None else f"browser {holder} steers"
+        return f"{steers}, {len(self._server.get_clients())} connected"
 
 
-def beside_the_panel(camera: viser.CameraHandle) -> Array:
-    """Return how far a camera moves so that what it looks at is in the middle of the free part [m].
+def panel_shift(camera: viser.CameraHandle) -> Array:
+    """Return the shift (3,) of a camera that centres its target beside the panel [m].
 
-    Args:
-        camera: of a browser; on a narrow screen the panel lies below, and nothing moves.
+    In a narrow window the panel is below the scene, and the shift is zero.
     """
-    width, height = camera.image_width, camera.image_height
-    if width <= NARROW:
+    if camera.image_width <= NARROW_WIDTH:
         return np.zeros(3)
     ahead = camera.look_at - camera.position
     right = np.cross(ahead, (0.0, 0.0, 1.0))
-    metres = 2.0 * np.linalg.norm(ahead) * np.tan(0.5 * camera.fov) / height  # of a pixel
-    return 0.5 * PANEL * metres * right / np.linalg.norm(right)
+    view_height = 2.0 * np.linalg.norm(ahead) * np.tan(0.5 * camera.fov)  # at the target [m]
+    metres_per_pixel = view_height / camera.image_height
+    return 0.5 * PANEL_WIDTH * metres_per_pixel * right / np.linalg.norm(right)
 
 
 def check_port(port: int | None) -> None:
-    """Refuse a port at which nothing can listen; viser would try a thousand others.
+    """Refuse a port at which nothing can listen, because viser would try a thousand others.
 
     Raises:
         InvalidInputError: if there is no such port, or it is taken.

@@ -1,4 +1,4 @@
-"""A snapshot as plain text, in HTML; every reading carries its name in `data-reading`."""
+"""A snapshot in HTML, in which every value has an attribute `data-reading` with its name."""
 
 from html import escape
 
@@ -10,19 +10,14 @@ STYLE = """<style>@media (max-width: 576px) {
 .mantine-Paper-root:has([data-reading]) [style*="20em"] { width: 100% !important; }
 .hcbf-details { display: none; }
 }</style>"""
-"""On a phone: viser's sheet is as wide as the screen and leaves the scene the upper half."""
+"""On a phone, viser's panel is as wide as the screen, and the scene has the upper half."""
 
+_GREEN, _ORANGE, _RED, _GREY = "#2e7d32", "#b26a00", "#c0392b", "#555555"
 _STATUS_COLORS = {
-    "NOMINAL": "#2e7d32",
-    "SAFE": "#2e7d32",
-    "RELAXED": "#b26a00",
-    "VIOLATED": "#c0392b",
-    "UNSAFE": "#c0392b",
-    "BACKUP": "#c0392b",
-}
-
-
-_TITLES = {
+    "NOMINAL": _GREEN, "SAFE": _GREEN, "RELAXED": _ORANGE,
+    "VIOLATED": _RED, "UNSAFE": _RED, "BACKUP": _RED,
+}  # fmt: skip
+_LABELS = {
     "intervention": "the filter changes the input by",
     "speed margin": "below the speed limit by",
     "margin": "distance reserved",
@@ -30,27 +25,21 @@ _TITLES = {
     "reachable": "the way",
     "position": "at",
 }
-"""What a reading is called where it needs words."""
+"""The words before those readings that are one line together."""
 
 
 def html(snapshot: Snapshot, steering: str) -> str:
-    """Return the readings of a tick."""
-    color = _STATUS_COLORS.get(snapshot.status, "#555555")
-    ranks = "".join(
-        f'<tr><td style="color:{priority_color(rank)};font-weight:600">rank {rank}</td>'
-        f"{_cell(f'h-{rank}', f'{h:+.3f} m')}"
-        f"{_cell(f'least-{rank}', f'{snapshot.least[rank]:+.3f} m')}"
-        f"{_cell(f'slack-{rank}', f'{snapshot.slack.get(rank, 0.0):.2f} m/s²')}</tr>"
-        for rank, h in snapshot.h.items()
-    )
-    limit = snapshot.speed_margin
-    rest = {
+    """Return the readings of a snapshot; `steering` states in words which browser steers."""
+    color = _STATUS_COLORS.get(snapshot.status, _GREY)
+    ranks = "".join(_rank_row(snapshot, rank) for rank in snapshot.h)
+    speed_margin = snapshot.speed_margin
+    in_line = {
         "intervention": f"{snapshot.intervention:.2f} m/s²",
-        "speed margin": "no limit" if limit is None else f"{limit:+.2f} m/s",
+        "speed margin": "no limit" if speed_margin is None else f"{speed_margin:+.2f} m/s",
         **snapshot.details,
         "position": f"{snapshot.position[0]:.2f}, {snapshot.position[1]:.2f} m",
     }
-    others = " · ".join(f"{_TITLES[name]} {_span(name, text)}" for name, text in rest.items())
+    line = " · ".join(f"{_LABELS[name]} {_span(name, text)}" for name, text in in_line.items())
     settings = snapshot.settings
     state = "running" if snapshot.running else "paused"
     return (
@@ -61,7 +50,7 @@ def html(snapshot: Snapshot, steering: str) -> str:
         '<table style="width:100%;text-align:right"><tr style="color:#777">'
         "<td></td><td>distance now</td><td>least</td><td>relaxed by</td></tr>"
         f"{ranks}</table>"
-        f'<div class="hcbf-details" style="color:#777">{others}</div>'
+        f'<div class="hcbf-details" style="color:#777">{line}</div>'
         f"<div>{_span('policy', settings.policy)} under {_span('program', settings.program)} in "
         f"{_span('scene', snapshot.scenario.name)}</div>"
         f"<div>t = {_span('time', f'{snapshot.time:.2f}')} s, {_span('state', state)}, "
@@ -70,7 +59,19 @@ def html(snapshot: Snapshot, steering: str) -> str:
     )
 
 
+def _rank_row(snapshot: Snapshot, rank: int) -> str:
+    """Return the row of a rank in the table: h, the least h, and the slack."""
+    return (
+        f'<tr><td style="color:{priority_color(rank)};font-weight:600">rank {rank}</td>'
+        + _cell(f"h-{rank}", f"{snapshot.h[rank]:+.3f} m")
+        + _cell(f"least-{rank}", f"{snapshot.least[rank]:+.3f} m")
+        + _cell(f"slack-{rank}", f"{snapshot.slack.get(rank, 0.0):.2f} m/s²")
+        + "</tr>"
+    )
+
+
 def _span(name: str, text: str) -> str:
+    """Return a value, under the name by which tests and scripts find it."""
     return f'<span data-reading="{name.replace(" ", "-")}">{escape(text)}</span>'
 
 

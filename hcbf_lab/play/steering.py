@@ -1,10 +1,10 @@
-"""Who steers: of several browsers that watch, one."""
+"""The control of a session by one of the browsers that show it."""
 
 import threading
 
 
 class Steering:
-    """Who has the controls: the first browser that touches them, until it leaves."""
+    """The number of the browser that steers, which every thread may read and change."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -12,25 +12,25 @@ class Steering:
 
     @property
     def holder(self) -> int | None:
-        """The browser that steers; None while there is none."""
+        """The browser that steers; None for no browser."""
         return self._holder
 
     def may(self, client: int) -> bool:
-        """Return whether a browser steers; the first to ask does from now on."""
+        """Return whether a browser steers; if no one does, it steers from now on."""
         with self._lock:
             if self._holder is None:
                 self._holder = client
             return self._holder == client
 
     def take(self, client: int) -> None:
-        """Give the controls to a browser."""
+        """Let a browser steer instead of any other."""
         with self._lock:
             self._holder = client
 
     def leave(self, client: int) -> bool:
-        """Free the controls if this browser had them, and return whether it had."""
+        """Return whether a browser that leaves steered; then no one steers."""
         with self._lock:
-            had = self._holder == client
-            if had:
+            steered = self._holder == client
+            if steered:
                 self._holder = None
-            return had
+            return steered

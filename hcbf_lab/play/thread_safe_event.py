@@ -1,8 +1,7 @@
 """An event that wakes viser's senders from any thread.
 
-Viser sets an `asyncio.Event` from the threads that have messages, which asyncio does not allow: set
-between a sender's check of it and its wait, the event wakes no one, ever again, and the page
-freezes.
+Viser's threads set an `asyncio.Event` when they have messages, which asyncio does not allow. If one
+sets it between a sender's check and its wait, the sender waits for ever, and the page freezes.
 """
 
 import asyncio
@@ -13,31 +12,27 @@ import viser
 
 
 class ThreadSafeEvent(asyncio.Event):
-    """An event that every thread may set.
-
-    Args:
-        loop: of the tasks that wait.
-    """
+    """An event for which tasks of one loop wait, and which every thread may set."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop):
         super().__init__()
-        self._home = loop
+        self._loop_of_waiters = loop
 
     def set(self) -> None:
-        """Wake what waits, as soon as the loop comes to it; nothing once the loop has ended."""
-        with contextlib.suppress(RuntimeError):
-            self._home.call_soon_threadsafe(super().set)
+        """Let the loop wake the tasks that wait."""
+        with contextlib.suppress(RuntimeError):  # the loop has ended, and no task waits
+            self._loop_of_waiters.call_soon_threadsafe(super().set)
 
 
 def use_thread_safe_events(server: viser.ViserServer) -> None:
-    """Give such an event to all browsers' sender, and to each browser that connects from now on."""
+    """Replace the event of the common sender, and that of each browser when it connects."""
     loop = server.get_event_loop()
-    sender = server._websock_server  # pyright: ignore[reportPrivateUsage] - no public way to it
+    sender = server._websock_server  # pyright: ignore[reportPrivateUsage] - viser has no public one
 
-    def replace(connection: Any) -> None:
+    def replace_event(connection: Any) -> None:
         buffer = connection.get_message_buffer()
-        before, buffer.message_event = buffer.message_event, ThreadSafeEvent(loop)
-        loop.call_soon_threadsafe(before.set)  # who waits for it already
+        replaced, buffer.message_event = buffer.message_event, ThreadSafeEvent(loop)
+        loop.call_soon_threadsafe(replaced.set)  # wakes a task that waits for it already
 
-    replace(sender)
-    sender.on_client_connect(replace)
+    replace_event(sender)
+    sender.on_client_connect(replace_event)

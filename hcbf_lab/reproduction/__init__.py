@@ -4,6 +4,6 @@ from hcbf_lab.reproduction.figure5 import fig5
 from hcbf_lab.reproduction.figures67 import fig6, fig7
 
 FIGURES = {"fig5": fig5, "fig6": fig6, "fig7": fig7}
-"""name → function (runs, folder, quick) → its claims."""
+"""The function of each figure: (runs, folder, quick) → claims and their data."""
 
 __all__ = ["FIGURES", "fig5", "fig6", "fig7"]

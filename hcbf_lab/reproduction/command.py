@@ -4,8 +4,8 @@ fig5: paths, costs and tracking error over the weights of R- and H-CBF-QP (A1, r
 fig6: the A1 between boxes: barriers over time, pictures, contacts over 20 disturbed episodes.
 fig7: the A1's paths past the light box, under R and H.
 
-Writes the pictures and reproduction.json, whose `claims` say for each claim of the paper whether
-the run bears it out. Run it again to resume it: every episode is kept under its settings.
+Writes the pictures and reproduction.json, whose `claims` state for each claim of the paper whether
+the run confirms it. Run it again to resume it: finished episodes are saved.
 """
 
 import json
@@ -26,13 +26,14 @@ from hcbf_gym.evaluation.output_folder import open_folder, write_json
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_lab.reproduction import FIGURES
 
-Figure = Callable[[Runs, Path, bool], dict[str, Any]]  # draws a figure and returns its claims
+Figure = Callable[[Runs, Path, bool], dict[str, Any]]
+"""(runs, folder, quick) → claims and their data; it draws a figure into the folder."""
 RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 
 @dataclass(frozen=True)
 class Args:
-    """What to reproduce."""
+    """The figures to reproduce, and how their episodes run."""
 
     figure: tyro.conf.Positional[Literal["fig5", "fig6", "fig7", "all"]] = "all"
     """Which figure of the paper."""
@@ -47,7 +48,7 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Draw the figures, check the claims, and write both."""
+    """Draw the figures, and write and print the claims."""
     names = list(FIGURES) if args.figure == "all" else [args.figure]
     runs = Runs(args.output / "episodes", args.workers, args.backend)
     figures = {name: FIGURES[name] for name in names}
@@ -60,21 +61,20 @@ def main(args: Args) -> None:
 def reproduce(
     figures: Mapping[str, Figure], folder: Path, quick: bool, runs: Runs
 ) -> dict[str, Any]:
-    """Draw figures into a folder, and return the content of its `reproduction.json`."""
+    """Draw figures, and return the content of `reproduction.json` for all that the folder has."""
     runs.check()
     settings = {"study": "reproduction", "quick": quick, "version": hcbf_gym.__version__}
     open_folder(folder, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     for name, draw in figures.items():
         write_json(folder / f"{name}.json", draw(runs, folder, quick))
-    results = {
-        name: json.loads(path.read_text(encoding="utf-8"))
-        for name in FIGURES
-        if (path := folder / f"{name}.json").exists()
-    }
-    claims = {
-        text: holds for result in results.values() for text, holds in result["claims"].items()
-    }
+    results: dict[str, dict[str, Any]] = {}
+    claims: dict[str, bool] = {}
+    for name in FIGURES:
+        file = folder / f"{name}.json"
+        if file.exists():
+            results[name] = json.loads(file.read_text(encoding="utf-8"))
+            claims |= results[name]["claims"]
     reproduction = {"settings": settings, "claims": claims, "figures": results}
     write_json(folder / "reproduction.json", reproduction)
     return reproduction

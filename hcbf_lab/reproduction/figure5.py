@@ -1,4 +1,4 @@
-"""Figure 5: tracking against safety over the weights, in simulation."""
+"""Figure 5: tracking error and safety over the weights, on the reduced-order model and the A1."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -25,24 +25,24 @@ SCENE = "paper-simulation"
 R_WEIGHT = 0.05  # γ₀ of R-CBF-QP, which the paper does not state; its path needs 0.1 or less
 DELTA_GAMMA = 1.3  # the fixed Δγ of panels (b) and (c), which the paper does not state
 GAMMAS = (1.0, 2.0, 3.0, 4.0, 5.0)
-TOO_LARGE = (20.0, 2.5)
+TOO_LARGE = (20.0, 2.5)  # (γ₀, Δγ)
 A1_V_MAX = FASTEST
-"""The A1's cap on the speed [m/s]: less of it leaves no time to catch up with the reference."""
+"""The A1's cap on the speed [m/s]: a lower one leaves no time to catch up with the reference."""
 A1_MARGIN = 0.025
-"""What the A1's rows keep [m], its speed limit's too [m/s]: the paper's keep nothing, and margins
-that move with the tracking error would be a second cost beside that of the weights."""
+"""The margin of the A1's rows [m], and of its speed limit [m/s]. The paper's rows have none, and
+margins that depend on the tracking error would be a second cost beside that of the weights."""
 
-_H3, _H4 = 2, 3
+_H3, _H4 = 2, 3  # columns of h: region 1 and region 2
 _GRID = ((0.05, *np.linspace(0.5, 5.0, 10).tolist()), np.linspace(0.0, 2.5, 6).tolist())
-_BANDS = np.linspace(0.0, WINDOW["delta_gamma"], 6)
+_BANDS = np.linspace(0.0, WINDOW["delta_gamma"], 6)  # edges of the bands of Δγ
 _INNER = (1.0, 4.75)
-"""Range of γ₀ in which a valley is interior: inside the window with samples on either side."""
+"""The range of γ₀ in which a valley is interior: inside the window, with samples on both sides."""
 
 
 def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
-    """Draw figure 5 and check its claims, on the reduced-order model and on the A1.
+    """Draw figure 5 into a folder, with a smaller fan and without the A1's cost if `quick`.
 
-    Returns ``claims`` {text: bool} and the figures they rest on, in JSON types.
+    Returns ``claims`` {text: bool} and their data, in JSON types.
     """
     fan = _fan(60 if quick else 200)
     rom = _rom()
@@ -55,12 +55,12 @@ def fig5(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         "least_h3_of_the_fan": float(fan.min_h[:, _H3].min()),
         "distance_of_r_and_h_with_equal_weights": _distance_with_equal_weights(),
     }
-    of_a1 = _on_a1(runs, folder, quick, rom)
-    return result | of_a1 | {"claims": result["claims"] | of_a1["claims"]}
+    a1_result = _on_a1(runs, folder, quick, rom)
+    return result | a1_result | {"claims": result["claims"] | a1_result["claims"]}
 
 
 def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str, Any]:
-    """Draw the A1's panels, and its paths beside those of the reduced-order model."""
+    """Draw the A1's panels, and its paths beside those of `rom`; return the same as `fig5`."""
     scene = _a1_scene()
     jobs = [Job(_a1_case(scene, *settings)) for settings in _settings()]
     a1 = _of_episodes(in_order(runs.over(Job.run, jobs, "fig 5, A1")))
@@ -72,11 +72,13 @@ def _on_a1(runs: Runs, folder: Path, quick: bool, rom: Trajectories) -> dict[str
         "a1": _summary(a1),
         "a1_map": None if samples is None else _map_summary(samples),
     }
-    shots = [jobs[0], jobs[3]], (2.0, 5.0, 8.0, 12.0)
-    return result | {"frames": draw_frames(runs, *shots, folder / "fig5e-frames.png")}
+    r_and_h, times = [jobs[0], jobs[3]], (2.0, 5.0, 8.0, 12.0)  # H with γ₀ = 3
+    frames = draw_frames(runs, r_and_h, times, folder / "fig5e-frames.png")
+    return result | {"frames": frames}
 
 
 def _settings() -> list[tuple[str, float, float]]:
+    """Return (program, γ₀, Δγ) of R, of H for each γ₀, and of H with too large weights."""
     return [
         ("r-cbf-qp", R_WEIGHT, 0.0),
         *(("h-cbf-qp", gamma0, DELTA_GAMMA) for gamma0 in GAMMAS),
@@ -94,7 +96,7 @@ def _a1_case(scene: Scenario, program: str, gamma0: float, delta_gamma: float) -
 
 
 def _draws(count: int) -> Array:
-    """Return the first draws (count, 2) of the paper's sampling inside its window."""
+    """Return the first draws (count, 2) of the paper's sampling that are inside its window."""
     normal, draws, number = Normal(), [], 0
     while len(draws) < count:
         draw = normal.draw(0, number)
@@ -105,10 +107,12 @@ def _draws(count: int) -> Array:
 
 
 def _fan(count: int) -> Trajectories:
+    """Return trajectories of H on the reduced-order model, under sampled weights."""
     return simulate(SCENE, "h-cbf-qp", *_draws(count).T, options=ALPHAS)
 
 
 def _rom() -> Trajectories:
+    """Return the trajectories of `_settings` on the reduced-order model."""
     settings = _settings()
     relaxed = simulate(SCENE, "r-cbf-qp", [settings[0][1]], [settings[0][2]], options=ALPHAS)
     weights = np.array([(gamma0, delta_gamma) for _, gamma0, delta_gamma in settings[1:]])
@@ -117,7 +121,7 @@ def _rom() -> Trajectories:
 
 
 def _distance_with_equal_weights() -> list[float]:
-    """Return how far R and H get from each other under the same weights, for each γ₀ [m]."""
+    """Return the greatest distance between R and H with the same weights, for each γ₀ [m]."""
     weights = GAMMAS, [DELTA_GAMMA] * len(GAMMAS)
     relaxed, hierarchical = (
         simulate(SCENE, program, *weights, options=ALPHAS) for program in ("r-cbf-qp", "h-cbf-qp")
@@ -127,7 +131,7 @@ def _distance_with_equal_weights() -> list[float]:
 
 
 def _a1_samples(runs: Runs) -> Samples:
-    """Return the cost on the A1 on a grid, as draws from N(µ, Σ) are too few at its edges."""
+    """Return the A1's cost on a grid, because draws from N(µ, Σ) are too few at its edges."""
     problem = Problem("HCBF-A1Regions-v0", _a1_scene(), options={"margin": A1_MARGIN})
     pairs = [(gamma0, delta_gamma) for gamma0 in _GRID[0] for delta_gamma in _GRID[1]]
     jobs = [Job(problem.case(*pair)) for pair in pairs]
@@ -137,34 +141,34 @@ def _a1_samples(runs: Runs) -> Samples:
     return Samples(gamma0, delta_gamma, costs)
 
 
-def _side_by_side(*parts: Trajectories) -> Trajectories:
-    """Put batches of one scene side by side, each as long as the others."""
-    joined = {
-        name: np.concatenate(
-            [getattr(part, name) for part in parts], axis=0 if name in ("min_h", "fell") else 1
-        )
-        for name in Trajectories._fields[1:]
-    }
-    return Trajectories(parts[0].time, **joined)
+def _side_by_side(*batches: Trajectories) -> Trajectories:
+    """Return one batch of the trajectories of several batches with the same times."""
+    joined = {}
+    for name in Trajectories._fields[1:]:
+        axis_of_trajectories = 0 if name in ("min_h", "fell") else 1
+        fields = [getattr(batch, name) for batch in batches]
+        joined[name] = np.concatenate(fields, axis=axis_of_trajectories)
+    return Trajectories(batches[0].time, **joined)
 
 
 def _of_episodes(episodes: list[Episode]) -> Trajectories:
-    """Put episodes side by side, up to the end of the shortest."""
+    """Return episodes as one batch, which ends with the shortest of them."""
     steps = min(len(episode.time) for episode in episodes)
     return _side_by_side(*(
         Trajectories(
-            episode.time[:steps], episode.position[:steps, None], episode.h[:steps, None],
-            episode.min_h.min(axis=0)[None], episode.tracking_error[:steps, None],
-            relaxation(episode.delta, episode.priority)[: steps - 1, None],
-            np.array([episode.fell]),
+            time=episode.time[:steps], position=episode.position[:steps, None],
+            h=episode.h[:steps, None], min_h=episode.min_h.min(axis=0)[None],
+            tracking_error=episode.tracking_error[:steps, None],
+            relaxation=relaxation(episode.delta, episode.priority)[: steps - 1, None],
+            fell=np.array([episode.fell]),
         )
         for episode in episodes
     ))  # fmt: skip
 
 
 def _summary(run: Trajectories) -> list[dict[str, Any]]:
-    """Return one line of figures for each trajectory, in the order of `_settings`."""
-    depth = CONTROL_DT * np.maximum(-run.h[1:, :, _H4], 0.0).sum(axis=0)
+    """Return the measures of each trajectory, in the order of `_settings`."""
+    violation = CONTROL_DT * np.maximum(-run.h[1:, :, _H4], 0.0).sum(axis=0)
     rms = np.sqrt(np.mean(run.tracking_error[1:] ** 2, axis=0))
     return [
         {
@@ -173,7 +177,7 @@ def _summary(run: Trajectories) -> list[dict[str, Any]]:
             "delta_gamma": delta_gamma,
             "min_h3": float(run.min_h[k, _H3]),
             "min_h4": float(run.min_h[k, _H4]),
-            "violation_of_h4": float(depth[k]),
+            "violation_of_h4": float(violation[k]),
             "tracking_rms": float(rms[k]),
             "greatest_error": float(run.tracking_error[:, k].max()),
             "final_error": float(run.tracking_error[-1, k]),
@@ -184,54 +188,57 @@ def _summary(run: Trajectories) -> list[dict[str, Any]]:
 
 
 def _claims(model: str, run: Trajectories) -> dict[str, bool]:
-    lines = _summary(run)
-    relaxed, hierarchical, too_large = lines[0], lines[1:-1], lines[-1]
-    depth = [line["violation_of_h4"] for line in hierarchical]
-    least = [line["min_h4"] for line in hierarchical]
-    rms = [line["tracking_rms"] for line in hierarchical]
+    """Return whether the trajectories of `_settings` on a model show each claim of the paper."""
+    measures = _summary(run)
+    relaxed, hierarchical, too_large = measures[0], measures[1:-1], measures[-1]
+    violation = [measure["violation_of_h4"] for measure in hierarchical]
+    min_h4 = [measure["min_h4"] for measure in hierarchical]
+    rms = [measure["tracking_rms"] for measure in hierarchical]
     claims = {
         "no run falls": not run.fell.any(),
         "h3 >= 0 throughout, for R, every H and too large weights": (
-            min(line["min_h3"] for line in lines) >= 0.0
+            min(measure["min_h3"] for measure in measures) >= 0.0
         ),
         "h4 rises towards 0 with gamma0": (
-            (np.diff(depth) < 0.0).all() and (np.diff(least) >= 0.0).all()
+            (np.diff(violation) < 0.0).all() and (np.diff(min_h4) >= 0.0).all()
         ),
         "the tracking error grows with gamma0": (np.diff(rms) > 0.0).all(),
         "R passes deeper through region 2 than every H": (
-            relaxed["min_h4"] < min(least) and relaxed["violation_of_h4"] > max(depth)
+            relaxed["min_h4"] < min(min_h4) and relaxed["violation_of_h4"] > max(violation)
         ),
         "too large weights take the robot far from its reference": (
-            too_large["final_error"] > 10.0 * max(line["final_error"] for line in hierarchical)
+            too_large["final_error"]
+            > 10.0 * max(measure["final_error"] for measure in hierarchical)
         ),
     }
     return {f"fig5, {model}: {text}": bool(holds) for text, holds in claims.items()}
 
 
 def _valley(samples: Samples) -> list[float | None]:
-    """Return the cheapest γ₀ in each band of Δγ; None where a side of the band is not sampled."""
+    """Return the cheapest γ₀ in each of `_BANDS`; None if a side of `_INNER` has no sample."""
     shown = inside(samples)
-    floor: list[float | None] = []
+    cheapest: list[float | None] = []
     for low, high in pairwise(_BANDS):
         band = (low <= shown.delta_gamma) & (shown.delta_gamma <= high)
         gamma0 = shown.gamma0[band]
-        sampled = gamma0.size and gamma0.min() < _INNER[0] and gamma0.max() > _INNER[1]
-        floor.append(float(gamma0[np.argmin(shown.cost[band])]) if sampled else None)
-    return floor
+        is_sampled = gamma0.size and gamma0.min() < _INNER[0] and gamma0.max() > _INNER[1]
+        cheapest.append(float(gamma0[np.argmin(shown.cost[band])]) if is_sampled else None)
+    return cheapest
 
 
 def _map_claims(model: str, samples: Samples) -> dict[str, bool]:
+    """Return whether the map of the cost on a model shows each claim of the paper."""
     shown = inside(samples)
-    floor = _valley(samples)
-    interior = [gamma0 is not None and _INNER[0] < gamma0 < _INNER[1] for gamma0 in floor]
+    valley = _valley(samples)
+    is_interior = [gamma0 is not None and _INNER[0] < gamma0 < _INNER[1] for gamma0 in valley]
     best = float(shown.gamma0[shown.best])
-    known = [gamma0 for gamma0 in floor if gamma0 is not None]
+    known = [gamma0 for gamma0 in valley if gamma0 is not None]
     in_valley = bool(known) and min(known) <= best <= max(known)
     return {
         f"fig5d, {model}: the cost map has a valley at interior gamma0, for every delta_gamma": (
-            all(interior)
+            all(is_interior)
         ),
-        f"fig5d, {model}: the sampled optimum lies in the valley": in_valley and any(interior),
+        f"fig5d, {model}: the sampled optimum lies in the valley": in_valley and any(is_interior),
     }
 
 

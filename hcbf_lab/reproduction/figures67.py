@@ -15,10 +15,11 @@ from hcbf_lab.reproduction.film import draw_frames
 
 SCENE, STRAIGHT = "paper-experiment", "paper-experiment-straight"
 R_WEIGHTS = ("r-cbf-qp", 0.05, 0.0)
-"""R's weight, which the paper does not state: small enough that it hugs region 1."""
+"""(program, γ₀, Δγ) of R. The paper does not state γ₀; with this one R passes close to region 1."""
 H_WEIGHTS = ("h-cbf-qp", 0.5, 1.3)
-"""H's weights: the paper's Δγ with a γ₀ that passes the corridor; its own pair stalls there."""
+"""(program, γ₀, Δγ) of H: the paper's Δγ, and a γ₀ with which the A1 passes the corridor."""
 PAPER_WEIGHTS = ("h-cbf-qp", 5.0, 1.3)
+"""(program, γ₀, Δγ) of H in the paper, with which the A1 stalls in the corridor."""
 
 SEEDS = 20
 RANDOMIZATION = {
@@ -30,17 +31,18 @@ RANDOMIZATION = {
 DISTURBANCES = {"kind": "random", "interval": 4.0, "impulse": (1.0, 3.0)}
 """A push of 1 to 3 N·s in a random direction, one every 4 s on average."""
 
-_H3, _H4, _BOX = 2, 3, 0
+_H3, _H4 = 2, 3  # columns of h: region 1 and region 2
+_BOX = 0  # index of region 2's box
 
 
 def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
-    """Draw figure 6, check its claims, and count contacts over disturbed episodes.
+    """Draw figure 6 into a folder, and count contacts over disturbed episodes, fewer if `quick`.
 
-    Returns ``claims`` {text: bool} and the figures they rest on, in JSON types.
+    Returns ``claims`` {text: bool} and their data, in JSON types.
     """
     jobs = _jobs()
-    ran = in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
-    episodes = dict(zip(jobs, ran, strict=True))
+    results = in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
+    episodes = dict(zip(jobs, results, strict=True))
     relaxed, hierarchical = episodes["R"], episodes["H"]
     series = {"R-CBF-QP": relaxed, "H-CBF-QP": hierarchical}
     plots.fig6_series(series).savefig(folder / "fig6-barriers.png")
@@ -59,17 +61,16 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         "episodes": {name: _summary(episode) for name, episode in episodes.items()},
         "seeds": _over_seeds(runs, range(4 if quick else SEEDS)),
     }
-    shots = [jobs["R"], jobs["H"]], (4.0, 6.0, 8.0, 16.0)
-    return result | {"frames": draw_frames(runs, *shots, folder / "fig6-frames.png")}
+    r_and_h, times = [jobs["R"], jobs["H"]], (4.0, 6.0, 8.0, 16.0)
+    return result | {"frames": draw_frames(runs, r_and_h, times, folder / "fig6-frames.png")}
 
 
 def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 7 from the episodes of figure 6; see `fig6` for the arguments."""
     jobs = _jobs()
-    ran = runs.over(Job.run, [jobs["R"], jobs["H"]], "fig 7")
-    relaxed, hierarchical = in_order(ran)
+    relaxed, hierarchical = in_order(runs.over(Job.run, [jobs["R"], jobs["H"]], "fig 7"))
     plots.fig7(SCENE, relaxed, hierarchical).savefig(folder / "fig7.png")
-    beside = {name: _beside_the_box(e) for name, e in (("R", relaxed), ("H", hierarchical))}
+    beside = {"R": _beside_the_box(relaxed), "H": _beside_the_box(hierarchical)}
     return {
         "claims": {
             "fig7: beside the box, H keeps farther from it than R": beside["H"] > beside["R"]
@@ -79,6 +80,7 @@ def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
 
 
 def _jobs() -> dict[str, Job]:
+    """Return the undisturbed episodes of both figures, by the labels of the pictures."""
     return {
         "R": _job(SCENE, R_WEIGHTS),
         "H": _job(SCENE, H_WEIGHTS),
@@ -94,19 +96,20 @@ def _job(
     seed: int = 0,
     env_options: dict[str, Any] | None = None,
 ) -> Job:
+    """Return an episode of PD on the A1 under (program, γ₀, Δγ)."""
     program, gamma0, delta_gamma = weights
     options = {"gamma0": gamma0, "delta_gamma": delta_gamma}
     return Job(Case("HCBF-A1Regions-v0", scene, "pd", program, options, env_options), seed)
 
 
 def _disturbed(weights: tuple[str, float, float], seed: int) -> Job:
-    """Return the episode of one seed: another start, another floor, other pushes."""
+    """Return an episode whose seed decides the start, the floor's friction and the pushes."""
     env_options = {"randomization": RANDOMIZATION, "disturbances": DISTURBANCES}
     return _job(SCENE, weights, seed, env_options)
 
 
 def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
-    """Return how often, over the seeds, R and H touched the box, reached the goal, and fell."""
+    """Return for R and H in how many episodes the robot touched the box, arrived, and fell."""
     jobs = [_disturbed(weights, seed) for weights in (R_WEIGHTS, H_WEIGHTS) for seed in seeds]
     episodes = in_order(runs.over(Job.run, jobs, "fig 6, seeds"))
     groups = {"R": episodes[: len(seeds)], "H": episodes[len(seeds) :]}
@@ -118,19 +121,19 @@ def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
             "fell": sum(episode.fell for episode in group),
             "least_h3": min(float(episode.min_h[:, _H3].min()) for episode in group),
             "least_h4": [float(episode.min_h[:, _H4].min()) for episode in group],
-            "mean_violation_of_h4": float(np.mean([_depth(episode) for episode in group])),
+            "mean_violation_of_h4": float(np.mean([_violation(episode) for episode in group])),
         }
         for name, group in groups.items()
     }
 
 
 def _touches(episode: Episode) -> int:
-    """Return in how many control steps the robot touched region 2's box."""
+    """Return the number of control steps in which the robot touched region 2's box."""
     return int((episode.obstacle_force[:, _BOX] > 0.0).sum())
 
 
-def _depth(episode: Episode) -> float:
-    """Return ∫ max(0, −h₄) dt [m·s]."""
+def _violation(episode: Episode) -> float:
+    """Return the violation of region 2, ∫ max(0, −h₄) dt [m·s]."""
     return float(CONTROL_DT * np.maximum(-episode.h[1:, _H4], 0.0).sum())
 
 
@@ -143,7 +146,7 @@ def _summary(episode: Episode) -> dict[str, Any]:
         "final_error": float(episode.tracking_error[-1]),
         "min_h3": float(episode.min_h[:, _H3].min()),
         "min_h4": float(episode.min_h[:, _H4].min()),
-        "violation_of_h4": _depth(episode),
+        "violation_of_h4": _violation(episode),
     }
 
 
@@ -156,17 +159,19 @@ def _beside_the_box(episode: Episode) -> float:
 
 
 def _claims(episodes: dict[str, Episode]) -> dict[str, bool]:
+    """Return whether the episodes show each claim of the paper."""
     relaxed, hierarchical = episodes["R"], episodes["H"]
-    least = [float(episode.min_h[:, _H4].min()) for episode in (relaxed, hierarchical)]
     claims = {
         "R touches region 2's box": _touches(relaxed) > 0,
         "R still reaches the goal": relaxed.reached,
         "H does not touch it": _touches(hierarchical) == 0,
         "H reaches the goal": hierarchical.reached,
-        "H violates h4 less than R, at its worst": least[1] > least[0],
-        "H violates h4 less than R, over time": _depth(hierarchical) < _depth(relaxed),
+        "H violates h4 less than R, at its worst": (
+            hierarchical.min_h[:, _H4].min() > relaxed.min_h[:, _H4].min()
+        ),
+        "H violates h4 less than R, over time": _violation(hierarchical) < _violation(relaxed),
         "h3 >= 0 throughout, for R and H": (
-            min(float(episode.min_h[:, _H3].min()) for episode in (relaxed, hierarchical)) >= 0.0
+            relaxed.min_h[:, _H3].min() >= 0.0 and hierarchical.min_h[:, _H3].min() >= 0.0
         ),
     }
     return {f"fig6: {text}": bool(holds) for text, holds in claims.items()}

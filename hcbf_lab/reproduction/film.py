@@ -1,4 +1,4 @@
-"""Pictures of episodes of R and H."""
+"""Rendered pictures of the A1 in episodes of R and H."""
 
 import itertools
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from hcbf_lab.reproduction import plots
 
 
 def draw_frames(runs: Runs, jobs: Sequence[Job], times: Sequence[float], file: Path) -> str:
-    """Draw pictures of R's and H's episodes at times [s]; return the file's name, or the error."""
+    """Draw R's and H's episodes at times [s] into a file; return its name, or OpenGL's error."""
     try:
         films = in_order(runs.over(partial(film, times=times), jobs, f"{file.stem}, pictures"))
     except RenderingError as error:

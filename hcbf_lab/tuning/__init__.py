@@ -1,4 +1,4 @@
-"""Weights by sampling (paper, section III-C): draws, their costs, and studies that hold them."""
+"""Weights by sampling (paper, section III-C): draws of weights, their costs, and studies."""
 
 from hcbf_lab.tuning.cost import Cost
 from hcbf_lab.tuning.draws import Normal

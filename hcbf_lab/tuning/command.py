@@ -1,7 +1,7 @@
 """Choose the weights (γ₀, Δγ) by sampling: draws, the cost of each, the cheapest pair, the map.
 
-Without arguments it is the paper's section III-C on the reduced-order model: draws from
-N((3, 1.5), I), negative ones rejected. Run it again to resume it, or with more samples to go on.
+Without arguments it repeats the paper's section III-C on the reduced-order model: draws from
+N((3, 1.5), I) without negative ones. Run it again to resume it, or with more samples to extend it.
 """
 
 import time
@@ -29,7 +29,7 @@ RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 @dataclass(frozen=True)
 class Args:
-    """What to tune and how to sample."""
+    """The problem to tune, and the sampling."""
 
     env: Literal["HCBF-Regions-v0", "HCBF-A1Regions-v0"] = "HCBF-Regions-v0"
     """The reduced-order model, all samples at once, or full physics, one episode each."""
@@ -46,7 +46,7 @@ class Args:
     covariance: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     """Σ of (γ₀, Δγ), row by row."""
     w_i: Amount = 1.0
-    """Weight of the tracking error on the way."""
+    """Weight of the tracking error before the end."""
     w_f: Amount = 1000.0
     """Weight of the tracking error at the end."""
     w_delta: Amount = 0.5
@@ -62,7 +62,7 @@ class Args:
 
 
 def main(args: Args) -> None:
-    """Sample, and write what came out."""
+    """Sample the weights, and write and print the results."""
     runs = Runs(None, args.workers, args.backend)
     runs.check()
     if "cmaes" in args.sampler:
@@ -75,7 +75,9 @@ def main(args: Args) -> None:
     check_folder(args.output, settings)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     open_folder(args.output, settings)
-    storage = JournalStorage(JournalFileBackend(str(_whole(args.output / "study.log"))))
+    log = args.output / "study.log"
+    _cut_unfinished_line(log)
+    storage = JournalStorage(JournalFileBackend(str(log)))
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
     studies, seconds = {}, {}
     with Progress(*columns) as progress:
@@ -94,18 +96,18 @@ def main(args: Args) -> None:
     console.print(f"written to {args.output}")
 
 
-def _whole(log: Path) -> Path:
-    """Cut an unfinished last line, which a killed run leaves and Optuna would append to."""
-    lines = log.read_bytes() if log.exists() else b""
-    if lines and not lines.endswith(b"\n"):
-        log.write_bytes(lines[: lines.rfind(b"\n") + 1])
-    return log
+def _cut_unfinished_line(log: Path) -> None:
+    """Cut the unfinished last line of a killed run from a log, as Optuna would append to it."""
+    content = log.read_bytes() if log.exists() else b""
+    if content and not content.endswith(b"\n"):
+        log.write_bytes(content[: content.rfind(b"\n") + 1])
 
 
 def _write(
     args: Args, settings: dict[str, Any], studies: dict[str, tuple[TuningStudy, Samples]]
 ) -> None:
-    figures = {
+    """Write tuning.json and the figures; a map needs four samples inside the window."""
+    results = {
         name: {
             "samples": args.samples,
             "rejected": study.rejected(args.samples),
@@ -116,7 +118,7 @@ def _write(
         }
         for name, (study, samples) in studies.items()
     }
-    write_json(args.output / "tuning.json", {"settings": settings, "samplers": figures})
+    write_json(args.output / "tuning.json", {"settings": settings, "samplers": results})
     for name, (_, samples) in studies.items():
         if len(inside(samples).cost) >= 4:
             plot_cost_map(samples).savefig(args.output / f"map-{name}.png")
@@ -126,6 +128,7 @@ def _write(
 
 
 def _best(samples: Samples) -> dict[str, float | None]:
+    """Return number, weights and cost of the cheapest sample, for JSON."""
     k = samples.best
     return {
         "number": k,
@@ -136,7 +139,7 @@ def _best(samples: Samples) -> dict[str, float | None]:
 
 
 def _number(cost: float) -> float | None:
-    """Return a cost as JSON can hold it: None where the robot fell."""
+    """Return a cost for JSON, which has no infinity: None if the robot fell."""
     return cost if cost < float("inf") else None
 
 

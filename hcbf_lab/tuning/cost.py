@@ -1,4 +1,4 @@
-"""What a pair of weights costs over an episode: the paper's equation (cost)."""
+"""The cost of an episode under a pair of weights, by which the paper tunes them."""
 
 from dataclasses import dataclass
 
@@ -15,10 +15,9 @@ class Cost:
     .. math::
         r = \sum_{i=1}^{N-1} ‖e(iΔt)‖_{w_i} + ‖e(NΔt)‖_{w_f} + w_δ \sum_{i=1}^{N} δ(iΔt)
 
-    What the paper leaves open is read as follows. ``e`` is the position error p_ref − p, as in
-    its feedback law u = K_p e + K_d ė. ``‖e‖_w = √(eᵀ w e)``, as ‖·‖_M in its Proposition 2. δ is
-    by how much rows are relaxed, ``Σ_k max(0, δ_k)``: H-CBF-QP's δ has a sign, and a negative
-    one relaxes nothing.
+    The paper leaves three symbols open. Here ``e`` is the position error p_ref − p, as in its
+    feedback law u = K_p e + K_d ė. ``‖e‖_w = √(eᵀ w e)``, as ‖·‖_M in its Proposition 2. δ is the
+    relaxation of all rows, ``Σ_k max(0, δ_k)``, because a negative δ_k of H-CBF-QP relaxes nothing.
 
     Raises:
         InvalidInputError: if a weight is negative or not finite.
@@ -26,23 +25,23 @@ class Cost:
     Source: section III-C; the default weights are those of section IV-A.
     """
 
-    w_i: float = 1.0  # w_i of the way, ≥ 0
-    w_f: float = 1000.0  # w_f of the goal, ≥ 0
-    w_delta: float = 0.5  # w_δ of the relaxation, ≥ 0
+    w_i: float = 1.0  # w_i ≥ 0, of the tracking error before the end
+    w_f: float = 1000.0  # w_f ≥ 0, of the tracking error at the end
+    w_delta: float = 0.5  # w_δ ≥ 0, of the relaxation
 
     def __post_init__(self) -> None:
         for name in ("w_i", "w_f", "w_delta"):
             finite_float(name, getattr(self, name), minimum=0.0)
 
     def __call__(self, tracking_error: Array, relaxation: Array) -> Array:
-        """Return r, one for each trajectory.
+        """Return r (…) of each trajectory.
 
         Args:
             tracking_error: (N + 1, …) ‖e(iΔt)‖ [m], i = 0 … N.
             relaxation: (N, …) δ(iΔt) [m/s²], i = 1 … N.
 
         Raises:
-            InvalidInputError: if the two do not belong together.
+            InvalidInputError: if the shapes do not fit each other.
         """
         steps, *others = relaxation.shape
         if steps < 1 or tracking_error.shape != (steps + 1, *others):
@@ -58,7 +57,7 @@ class Cost:
 
 
 def _sum(series: Array) -> Array:
-    """Sum over time from the first entry on, so that no bit depends on the size of a batch."""
+    """Return the sum over time, added in order, so that no bit depends on a batch's size."""
     return np.add.accumulate(series, axis=0)[-1] if len(series) else np.zeros(series.shape[1:])
 
 

@@ -1,4 +1,4 @@
-"""Draws of (γ₀, Δγ) from a normal distribution, negative ones rejected."""
+"""Draws of (γ₀, Δγ) from a normal distribution that rejects negative weights."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,12 +16,12 @@ class Draw(NamedTuple):
 
     gamma0: float  # γ₀
     delta_gamma: float  # Δγ
-    rejected: int  # how many draws were rejected before it
+    rejected: int  # the number of rejected draws before it
 
 
 @dataclass(frozen=True)
 class Normal:
-    """(γ₀, Δγ) ~ N(µ, Σ), of which only γ₀ ≥ 0, Δγ ≥ 0 are kept.
+    """The distribution (γ₀, Δγ) ~ N(µ, Σ), restricted to γ₀ ≥ 0 and Δγ ≥ 0 by rejection.
 
     Raises:
         InvalidInputError: if Σ is not symmetric or not positive semidefinite.
@@ -32,7 +32,7 @@ class Normal:
     mean: Pair = (3.0, 1.5)  # (2,) µ
     # (2, 2) Σ, symmetric and positive semidefinite
     covariance: tuple[Pair, Pair] = ((1.0, 0.0), (0.0, 1.0))
-    _root: Array = field(init=False, repr=False, compare=False)
+    _root: Array = field(init=False, repr=False, compare=False)  # (2, 2) L with L Lᵀ = Σ
 
     def __post_init__(self) -> None:
         mean = finite_array("mean", self.mean, (2,))
@@ -49,7 +49,7 @@ class Normal:
         object.__setattr__(self, "_root", vectors * np.sqrt(np.maximum(eigenvalues, 0.0)))
 
     def draw(self, seed: int, number: int) -> Draw:
-        """Return the draw that belongs to (seed, number), whatever was drawn before.
+        """Return the draw of (seed, number), which does not depend on draws before.
 
         Raises:
             InvalidInputError: if 10,000 draws in a row are negative.

@@ -1,4 +1,4 @@
-"""Many weights at once: one reduced-order robot for each pair (γ₀, Δγ), all stepped together."""
+"""Trajectories under many weights: a batch with one reduced-order robot for each pair (γ₀, Δγ)."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -20,12 +20,11 @@ class Trajectories(NamedTuple):
     time: Array  # (k + 1,) [s]
     position: Array  # (k + 1, N, 2) [m]
     h: Array  # (k + 1, N, m) barrier values at the control times
-    min_h: Array  # (N, m) their least values over all physics steps
-    # (k + 1, N) ‖p_ref − p‖ [m]. Where an episode ended before the others it is zero up to the
-    # last entry, which repeats the error at its end
+    min_h: Array  # (N, m) least barrier values over all physics steps
+    # (k + 1, N) ‖p_ref − p‖ [m]. After an early end of an episode it is zero, except for the last
+    # entry, which is always the error at the episode's end
     tracking_error: Array
-    # (k, N) Σ_k max(0, δ_k) of the relaxed rows [m/s²]; zero after an episode's end
-    relaxation: Array
+    relaxation: Array  # (k, N) Σ_k max(0, δ_k) [m/s²]; zero after an episode's end
     fell: Mask  # (N,) whether the robot fell; the reduced-order model cannot
 
 
@@ -55,15 +54,15 @@ def simulate(
     options: Mapping[str, Any] | None = None,
     seed: int = 0,
 ) -> Trajectories:
-    """Walk N reduced-order robots through one scene, each under its own weights.
+    """Return the trajectories of N reduced-order robots in one scene, each with its own weights.
 
     Args:
-        scenario: what `hcbf_gym.scenarios.make` takes.
-        program: a program that takes both weights.
+        scenario: as `hcbf_gym.scenarios.make` takes it.
+        program: a program with both weights as options.
         gamma0: (N,) γ₀ ≥ 0.
         delta_gamma: (N,) Δγ ≥ 0.
         options: further options of the filter.
-        seed: of every environment, so that all walk in the same scene.
+        seed: of every environment, so that all have the same scene.
 
     Raises:
         InvalidInputError: if a weight is negative or not finite, or there are none.
@@ -84,11 +83,11 @@ def simulate(
     )
     inner: Any = env.unwrapped
     episodes = rollout_batch(env, policies.PDTracker.for_env(env), [seed] * n)
-    # what comes after an episode's end costs nothing, but for the error at the end
-    last = episodes.tracking_error[episodes.steps, np.arange(n)]
+    # An episode costs nothing after its end, and the last entry of the cost is the final error.
+    final_error = episodes.tracking_error[episodes.steps, np.arange(n)]
     error = episodes.tracking_error.copy()
     error[1:][~episodes.running] = 0.0
-    error[-1] = last
+    error[-1] = final_error
     return Trajectories(
         time=episodes.time,
         position=episodes.position,

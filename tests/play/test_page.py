@@ -110,10 +110,10 @@ def test_the_stick_goes_back_when_the_browser_that_steers_leaves(session):
         for _ in range(5):
             session.tick()
         page.steering.take(7)
-        page.controls.left(8)  # one that only watched
+        page.controls.release(8)  # one that only watched
         session.tick()
         moving = session.latest.velocity.copy()
-        page.controls.left(7)
+        page.controls.release(7)
         for _ in range(200):
             session.tick()
         assert (abs(moving) > 0.0).any()
