@@ -18,8 +18,9 @@ from hcbf_gym.errors import (
     text,
 )
 from hcbf_gym.scenarios import clutter, crossing, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
+from hcbf_gym.scenarios.family import V_MAX, Draw, DrawMany, Family
 from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
+from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks, Moment
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
 

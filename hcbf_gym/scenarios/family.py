@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hcbf_gym import certificates, sources
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, shown
 from hcbf_gym.scenarios.floor import Floor
+from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
 from hcbf_gym.scenarios.scene import ASPECT, HALF_PLANE, RADIUS, SHAPE, Scene, X, Y, barrier
@@ -24,49 +25,6 @@ _TRIED = range(8)
 """Seeds on which `draw_many` is compared with `draw`."""
 
 
-class Moment(NamedTuple):
-    """What hooks get of N robots at the end of a control step, or at a reset.
-
-    Attributes:
-        before: (N, 4) position [m] and velocity [m/s] when the step began.
-        x: (N, 4) the same at its end; at a reset, both are the start.
-        reference: (N, 6) position, velocity and acceleration of the reference.
-        sensed: (N, m, 4) of the scene's conditions: h, its unit gradient, ∂h/∂t.
-        min_h: (N, k) least h in the step, the environment's own speed limit included.
-        u: (N, 2) the applied acceleration [m/s²]; zero at a reset.
-    """
-
-    before: Array
-    x: Array
-    reference: Array
-    sensed: Array
-    min_h: Array
-    u: Array
-
-
-class Hooks(NamedTuple):
-    """Observation, reward and costs of a family's environments; None is the usual one.
-
-    Each row of an answer may depend on the same row alone, so that one robot gets what it gets
-    among N.
-
-    Attributes:
-        observe: (x (N, 4), reference (N, 6), sensed (N, m, 4)) → (N, n) the observation.
-        reward: Moment → (N,) the reward, which infos have as `reward_own`.
-        costs: Moment → (N, k) the infos' `costs`; `cost` stays 1 where rank 1 was entered.
-    """
-
-    observe: Callable[[Array, Array, Array], Array] | None = None
-    reward: Callable[[Moment], Array] | None = None
-    costs: Callable[[Moment], Array] | None = None
-
-    @property
-    def sees_steps(self) -> bool:
-        """Whether a hook takes a `Moment`."""
-        return self.reward is not None or self.costs is not None
-
-
-NO_HOOKS = Hooks()
 Draw = Callable[[np.random.Generator, Scene], None]
 DrawMany = Callable[[Sequence[np.random.Generator], Scene], None]
 

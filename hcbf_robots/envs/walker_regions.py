@@ -88,7 +88,7 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         if heading is not None:
             choose("heading", heading, HEADINGS)
         scenes = SceneSource(scenario)
-        own, walker = scenes.own, Walker.load(robot)
+        own, walker = scenes.own_scene, Walker.load(robot)
         self.contract = walker
         simulation = WalkerPhysics(
             walker,
@@ -114,7 +114,7 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     @property
     def fastest(self) -> float:
         """The greatest speed that the rows of the speed limit leave the robot [m/s]."""
-        known = self._known
+        known = self._plant_model
         return float(braking.speed_left(known.v_max, known.uncertainty.speed))
 
     def _stopped(self) -> bool:
