@@ -236,7 +236,7 @@ _IN_A_HALL = hall.WALLS + random_scenes.REGIONS
 register("random", random_scenes.draw, shapes=_IN_A_HALL)
 register("random-moving", partial(random_scenes.draw, moving=True), shapes=_IN_A_HALL)
 register("random-wide", partial(random_scenes.draw, gap=random_scenes.WIDE_GAP), shapes=_IN_A_HALL)
-register("random-clutter", clutter.draw, shapes=hall.WALLS + clutter.MOST)
+register("random-clutter", clutter.draw, shapes=hall.WALLS + clutter.MAX_REGIONS)
 register("random-traps", traps.draw, shapes=hall.WALLS + len(traps.RANKS))
 register(
     "random-crossing",
