@@ -27,11 +27,8 @@ V_MAX = 1.5
 """Strict cap on the speed [m/s] where the scenario sets none. After its row's margin the trunk may
 walk at 1.3 m/s, so that it can catch up with the paper's references."""
 
-FASTEST = 1.7
-"""The highest cap [m/s] that a scenario may set."""
-
-NOMINAL = Randomization()
-"""The plant that the controller's model describes."""
+FASTEST = 1.7  # the highest cap that a scenario may set [m/s]
+NOMINAL = Randomization()  # the plant that the controller's model describes
 
 UNCERTAINTY = Uncertainty(
     distance=0.025,
@@ -215,11 +212,9 @@ def watch_bounds(
         estimated: whether the trunk's velocity is an estimate.
         mass: m, the mass of the robot [kg].
     """
+    noise, extra_delay = declared.sensor_noise[1], _extra_delay(declared)
     slip = MAX_SLIP + SLIP_ON_ROUGH_GROUND * (terrain == "rough") + SLIP_OF_ESTIMATE * estimated
-    slip += (
-        SLIP_PER_SENSOR_NOISE * declared.sensor_noise[1]
-        + SLIP_PER_DELAY_SQUARED * _extra_delay(declared) ** 2
-    )
+    slip += SLIP_PER_SENSOR_NOISE * noise + SLIP_PER_DELAY_SQUARED * extra_delay**2
     delay = max(declared.delay[1], NOMINAL.delay[1])
     loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
     return WatchBounds(slip=slip, lag=MAX_LAG, lift=MAX_LIFT + GRAVITY * loaded, delay=delay)

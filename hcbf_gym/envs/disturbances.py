@@ -10,12 +10,9 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.records import check_mapping, from_dict
 
-MAX_PUSHES = 10_000
-"""Greatest number of random pushes in an episode, because every tick looks through them."""
-MAX_TIME = 1e5
-"""Greatest time or duration in a schedule [s]."""
-MAX_FORCE = 1e5
-"""Greatest force of a push along an axis [N]."""
+MAX_PUSHES = 10_000  # random pushes in an episode, through which every tick looks
+MAX_TIME = 1e5  # greatest time or duration in a schedule [s]
+MAX_FORCE = 1e5  # greatest force of a push along an axis [N]
 
 
 class Push(NamedTuple):

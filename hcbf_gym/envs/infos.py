@@ -50,15 +50,10 @@ def put(infos: Info, mask: Mask, fresh: Info) -> None:
 
 
 def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
-    """Add the infos of a reset within a step (mode SameStep), in place.
+    """Put the infos of a reset within a step (mode SameStep) into those of the step, in place.
 
-    The step's own infos and observations move to ``final_info`` and ``final_obs``.
-
-    Args:
-        infos: the infos of the step.
-        done: (N,) the environments whose episodes ended, and which were reset.
-        last: (N, …) the observations at the end of the step.
-        fresh: the infos of the reset.
+    The step's infos and observations `last` (N, …) of the environments `done` (N,), which were
+    reset, move to ``final_info`` and ``final_obs``; `fresh` are the infos of the reset.
     """
     final_obs = np.full(len(done), None, dtype=object)
     for i in np.flatnonzero(done):
@@ -88,10 +83,7 @@ class Reporter:
     def at_reset(self, infos: Info, fresh: Any, options: dict[str, Any] | None) -> None:
         """Add the entry of a reset in place, for ``options["reset_mask"]`` or for all.
 
-        Args:
-            infos: the infos of the reset.
-            fresh: (N, …) the entry, or a dict of such arrays.
-            options: the options of the reset.
+        The entry `fresh` is an array (N, …), or a dict of such arrays.
         """
         everyone = np.ones_like(self._ended)
         mask = everyone if options is None else options.get("reset_mask", everyone)

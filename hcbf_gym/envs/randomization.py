@@ -23,8 +23,7 @@ LARGEST_END = {
 }
 """Greatest end of each range. More would be a mistake, or a delay that fills the memory."""
 
-FARTHEST_PAYLOAD = 1.0
-"""Greatest distance of the payload from the trunk's origin along an axis [m]."""
+FARTHEST_PAYLOAD = 1.0  # from the trunk's origin along an axis [m]
 
 
 class PlantConditions(NamedTuple):

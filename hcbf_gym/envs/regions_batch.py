@@ -182,14 +182,9 @@ class RegionsBatch:
         return BatchStep(observation, np.asarray(sum(terms.values())), reached, info | terms)
 
     def _advance(self, x_before: Array, u: Array) -> tuple[Array, Array]:
-        """Move all robots by one control step.
+        """Move all robots under u; return the least h (N, m) and the old ‖p_ref − p‖ (N,) [m].
 
-        Args:
-            x_before: (N, 4) the states now, a copy where a barrier is of a user's own class.
-            u: (N, 2) accelerations [m/s²].
-
-        Returns:
-            The least h (N, m) in the step, and ‖p_ref − p‖ (N,) before it [m].
+        The core overwrites `x`, so `x_before` is a copy where a barrier is of a user's own class.
         """
         scene = self.barrier_set
         min_h, distance_before = np.empty(scene.kind.shape), np.empty(len(u))
@@ -205,10 +200,7 @@ class RegionsBatch:
     def _lower_to_own_barriers(self, min_h: Array, x: Array, u: Array) -> None:
         """Write the least values of users' own barriers, which only Python can evaluate.
 
-        Args:
-            min_h: (N, m) the least h in the step, whose other columns stay as they are.
-            x: (N, 4) the states when the step began; it is overwritten.
-            u: (N, 2) accelerations [m/s²].
+        The states x (N, 4) are those when the step began; they are overwritten.
         """
         h = np.empty_like(min_h)
         own = tuple(np.array(list(self.barrier_set.own)).T)  # their rows and columns

@@ -25,8 +25,7 @@ from hcbf_gym.scenarios import Scenario, ScenarioLike, Scene
 if TYPE_CHECKING:
     from hcbf_gym.drawing.top_down import TopDownView
 
-PICTURE_SIDE = 240
-"""Side of one environment's picture [pixels]."""
+PICTURE_SIDE = 240  # of each environment [pixels]
 
 
 class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - spec, see there

@@ -29,8 +29,8 @@ D = TypeVar("D", bound=Drive)
 class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
     """A simulated robot in the ranked regions; subclasses define the robot and how it moves.
 
-    `SingleRegions` draws each episode's `scenario` and calls `_set_scene` and `_restart`. Subclasses
-    extend `_info_of` and `_stopped`.
+    `SingleRegions` draws each episode's `scenario` and calls `_set_scene` and `_restart`.
+    Subclasses extend `_info_of` and `_stopped`.
 
     Args:
         drive: the robot in its first scene, with its controller.

@@ -19,8 +19,7 @@ from hcbf_gym.robots.body_points import stand
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.scenarios import BoxObstacle
 
-BASE_SIZE = 13
-"""Numbers of a trunk's position (3), quaternion (4), velocity (3) and turning rate (3)."""
+BASE_SIZE = 13  # a trunk's position (3), quaternion (4), velocity (3) and turning rate (3)
 
 
 class SimulatedRobot(NamedTuple):

@@ -17,8 +17,7 @@ from hcbf_gym.envs.task import REWARD_TERMS
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario
 
-_FIRST_ENTRIES = "cost", "tracking_error", "is_success"
-"""The array's first entries, before the reward's terms."""
+_FIRST_ENTRIES = "cost", "tracking_error", "is_success"  # before the reward's terms
 
 
 class StepResult(NamedTuple):

@@ -16,22 +16,17 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.scenarios import Hooks, Moment, Scenario
 from hcbf_gym.scenarios.hooks import checked_result
 
-CONTROL_DT = _core.CONTROL_DT
-"""Time between two actions [s]."""
-PHYSICS_DT = _core.PHYSICS_DT
-"""Time between two evaluations of the barriers [s], and one physics step of the full model."""
-SUBSTEPS = _core.SUBSTEPS
-"""Evaluations of the barriers between two actions."""
-MAX_EPISODE_STEPS = 1000
-"""Control steps after which the registered environments truncate an episode."""
+CONTROL_DT = _core.CONTROL_DT  # time between two actions [s]
+PHYSICS_DT = _core.PHYSICS_DT  # time between two evaluations of the barriers [s]
+SUBSTEPS = _core.SUBSTEPS  # evaluations of the barriers between two actions
+MAX_EPISODE_STEPS = 1000  # control steps after which registered environments truncate an episode
 
 REWARD_TERMS = {
     "track": ("reward_tracking", "reward_effort"),
     "reach": ("reward_progress", "reward_goal", "reward_effort"),
 }
 """The terms that sum to the reward, by task."""
-REWARD_OWN = "reward_own"
-"""The only term where a family of scenes defines the reward."""
+REWARD_OWN = "reward_own"  # the only term where a family of scenes defines the reward
 
 
 def action_space(input_set: InputSet) -> spaces.Box:

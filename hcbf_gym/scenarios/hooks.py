@@ -55,16 +55,11 @@ NO_HOOKS = Hooks()
 
 
 def checked_result(hook: str, result: object, n: int, axes: int) -> Array:
-    """Return a float64 copy of the array that a hook returned for N robots.
-
-    Args:
-        hook: the hook's name, for the message.
-        result: the value that the hook returned.
-        n: N, the length of the first axis.
-        axes: the number of axes.
+    """Return a float64 copy of the array that a hook of some name returned for N robots.
 
     Raises:
-        InvalidInputError: if the result has another form, or entries that are not finite numbers.
+        InvalidInputError: if it has not so many axes, the first of length N, or an entry is not a
+            finite number.
     """
     array = as_array(f"hook {hook}", result)
     if array.dtype.kind not in "fiub" or array.ndim != axes or len(array) != n:

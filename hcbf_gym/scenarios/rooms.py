@@ -78,11 +78,7 @@ def draw(generator: np.random.Generator, scene: Scene) -> None:
 def _room_corners(length: float, half_width: float, between: Array, within: Array) -> Array:
     """Return (ROOMS, 2, 2) the lower left and upper right corner of each room [m].
 
-    Args:
-        length: length of the floor [m].
-        half_width: half of its width [m].
-        between: (COLUMNS − 1,) random numbers that move the walls between columns.
-        within: (COLUMNS,) random numbers that move the wall between the two rooms of a column.
+    Random numbers move the walls between columns (COLUMNS − 1,) and within them (COLUMNS,).
     """
     x = np.empty(COLUMNS + 1)  # of the walls between columns, and of both ends
     for k in range(COLUMNS + 1):
@@ -169,16 +165,10 @@ def _place_box(
     region: Array, path: Array, room: Array, places: list[float], size: float, form: float,
     turn: float,
 ) -> None:  # fmt: skip
-    """Write a box in a room, of a size or as large as the path beside it allows.
+    """Write a box in a room at the roomiest of some places, with a circumradius of `size` [m].
 
-    Args:
-        region: (6,) the row of `Scene.shapes` to write.
-        path: (k, 2) the free path [m].
-        room: (2, 2) the lower left and upper right corner of the room [m].
-        places: two random numbers for each of `_TRIES` places in the room.
-        size: circumradius of the box [m].
-        form: random number that decides the ratio of its sides.
-        turn: random number that decides its angle.
+    It is smaller where the path leaves less room. `places` are two random numbers for each place,
+    and `form` and `turn` random numbers for the ratio of its sides and its angle.
     """
     (x0, y0), (x1, y1) = room
     roomiest, best_x, best_y = 0.0, 0.0, 0.0
