@@ -23,10 +23,8 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.scenarios import Scenario
 
-V_MAX = 1.5
-"""Strict cap on the speed [m/s] where the scenario sets none. After its row's margin the trunk may
-walk at 1.3 m/s, so that it can catch up with the paper's references."""
-
+# below this cap its row's margin leaves 1.3 m/s, with which the trunk catches up with references
+V_MAX = 1.5  # strict cap on the speed where the scenario sets none [m/s]
 FASTEST = 1.7  # the highest cap that a scenario may set [m/s]
 NOMINAL = Randomization()  # the plant that the controller's model describes
 
@@ -66,15 +64,11 @@ class Law(NamedTuple):
 LAW = Law()
 """Calibrated with hostile episodes of `hcbf_lab.certification.mixture`."""
 
-PLANNED_FRICTION_SHARE = 0.75
-"""Share of the floor's least friction that the controller plans with. The rest is for slips."""
+PLANNED_FRICTION_SHARE = 0.75  # of the floor's least friction; the rest is for slips
+CARRIED_INPUT_SHARE = 0.85  # of µg for a component of u; the rest holds the trunk on its reference
 
-CARRIED_INPUT_SHARE = 0.85
-"""Share of µg that a component of u may take. The rest holds the trunk on its reference."""
-
-MAX_SLIP, MAX_LAG, MAX_LIFT = 0.08, 0.2, 0.9
-"""The watch's bounds on the nominal plant: slip [m/s], lag and lift [m/s²]."""
-
+# the watch's bounds
+MAX_SLIP, MAX_LAG, MAX_LIFT = 0.08, 0.2, 0.9  # on the nominal plant [m/s], [m/s²], [m/s²]
 SLIP_ON_ROUGH_GROUND = 0.04  # [m/s]
 SLIP_OF_ESTIMATE = 0.06  # where the trunk's velocity is estimated [m/s]
 SLIP_PER_SENSOR_NOISE = 0.4  # [m/s]
@@ -110,7 +104,7 @@ def plant_model(
         arguments: the environment's arguments, as certificates compare them.
         scenario: the first scene.
         declared: the ranges of the plant's conditions.
-        friction: µ that the controller plans with.
+        friction: µ with which the controller plans.
         reach: distance that the body reaches beyond the trunk's centre [m]; 0 for a point.
     """
     terrain = str(arguments["terrain"])

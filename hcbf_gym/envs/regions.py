@@ -19,8 +19,7 @@ from hcbf_gym.scenarios import Scenario, ScenarioLike
 if TYPE_CHECKING:
     from hcbf_gym.drawing.top_down import TopDownView
 
-PATH_POINTS = 3000
-"""The number of last positions that a picture shows, so that the memory of a path is bounded."""
+PATH_POINTS = 3000  # last positions that a picture shows, which bounds the memory of a path
 
 
 class RegionsEnv(SingleRegions):

@@ -12,8 +12,7 @@ from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
 from hcbf_gym.scenarios.hooks import NO_HOOKS
 from hcbf_gym.scenarios.scene import HALF_PLANE, SHAPE, X, Y
 
-OPTIONS = ("scenario", "start")
-"""The keys of ``reset(options=…)``: another scene, and the start in it, for one episode."""
+OPTIONS = ("scenario", "start")  # keys of ``reset(options=…)``, for one episode
 
 
 class SceneSource:

@@ -16,8 +16,7 @@ MAX_REGIONS = 25  # regions of the shipped family, in play or not
 MIN_SHARE = 0.6  # least share of a scene's regions that is in play
 
 _BENDS = 4  # points of the path between start and goal
-_TRIES = 12
-"""Places that are drawn for each region; the first that leaves room is taken, or the roomiest."""
+_TRIES = 12  # places that are drawn for a region: it gets the first with room, or the roomiest
 _SMALLEST = 0.3  # a place leaves room where the circumradius need not be smaller [m]
 _NUMBERS_PER_REGION = 4 + 2 * _TRIES
 

@@ -17,8 +17,7 @@ SPEED = (0.9, 1.5)  # range of a lane's speed [m/s]
 GAP = (2.2, 4.5)  # range of the distance between the centres of two discs of a lane [m]
 DISC_RADIUS = 0.5  # [m]
 HALF_WIDTH, LENGTH = 3.0, 8.0  # half of the hall's width, and x of the goal [m]
-CHANGE_CHANCE = 0.01
-"""Chance that a lane whose intentions are hidden gets another speed after a control step."""
+CHANGE_CHANCE = 0.01  # of another speed after a control step, where intentions are hidden
 HIDDEN = (0.2, 1.5)  # range of a lane's speed after such a change [m/s]
 
 

@@ -16,15 +16,7 @@ from hcbf_gym.scenarios.floor import Floor
 from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
-from hcbf_gym.scenarios.scene import (
-    HALF_PLANE,
-    SHAPE,
-    Scene,
-    barrier,
-    check_filled,
-    check_ranks,
-    check_shapes,
-)
+from hcbf_gym.scenarios.scene import Scene, barriers_of, check_filled, check_ranks, check_shapes
 
 V_MAX = 1.0
 """Strict cap on the speed [m/s] of the shipped families, low enough for the A1 to follow."""
@@ -92,16 +84,9 @@ class Family:
 
     def scenario(self, scene: Scene) -> Scenario:
         """Return one of its scenes as a `Scenario`."""
-        walls, barriers = 0, []
-        for k, row in enumerate(scene.shapes.tolist()):
-            is_wall = row[SHAPE] == HALF_PLANE
-            walls += is_wall
-            name = f"wall {walls}" if is_wall else f"region {k + 1 - walls}"
-            velocity = scene.velocities[k].tolist()
-            barriers.append(barrier(name, int(scene.ranks[k]), row, velocity))
         return Scenario(
             name=self.name,
-            barriers=tuple(barriers),
+            barriers=barriers_of(scene),
             reference=PointReference(tuple(scene.goal.tolist())),
             start=tuple(scene.start.tolist()),
             task="reach",

@@ -88,8 +88,8 @@ def _ring_of_boxes(region: Disc, gap: Disc) -> tuple[BoxObstacle, ...]:
     side = 0.4
     radius = region.radius - 0.35 - side / 2
     toward_gap = np.array(gap.center) - center
-    free = float(np.arctan2(toward_gap[1], toward_gap[0]))
-    angles = free + np.linspace(np.pi / 6, 2 * np.pi - np.pi / 6, 11)
+    gap_angle = float(np.arctan2(toward_gap[1], toward_gap[0]))
+    angles = gap_angle + np.linspace(np.pi / 6, 2 * np.pi - np.pi / 6, 11)
     return tuple(
         BoxObstacle(
             f"region 1 box {k}",

@@ -17,13 +17,11 @@ from hcbf_gym.scenarios.scene import RADIUS, Scene, X, Y
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
 counts as one region."""
-WIDE_GAP = 1.25
-"""`GAP` of `random-wide` [m], where a robot of 0.46 m radius passes with room for margins."""
+WIDE_GAP = 1.25  # of `random-wide` [m]: a robot of 0.46 m radius passes with room for margins
 CONFLICT_SHARE = 0.5  # share of scenes that start in a conflict
 START_CLEARANCE = 1.0  # least distance from the start to any strict region [m]
 MAX_DRIFT = 0.2  # greatest speed of a moving region [m/s]
-REGIONS = 5
-"""The number of regions of the shipped families, and the least that a scene can have."""
+REGIONS = 5  # of the shipped families, and the least that a scene can have
 LENGTH_PER_REGION = 1.7  # by which each region beyond `REGIONS` makes the hall longer [m]
 
 

@@ -11,8 +11,7 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
 from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
 
-CLEAR = 0.7
-"""Least distance between the free path and anything [m], and half of the narrowest doorway."""
+CLEAR = 0.7  # least distance from the free path, and half of the narrowest doorway [m]
 CLEAR_ENDS = 0.8  # the same at the start and at the goal, walls included [m]
 WIDEST_DOORWAY = 1.8  # [m]
 THICKNESS = 0.15  # of walls [m]

@@ -179,29 +179,15 @@ def from_dict(data: Mapping[str, Any]) -> Scenario:
     return records.build("scenario", Scenario, values)
 
 
-def _read_barriers(data: object) -> tuple[Barrier, ...]:
-    return tuple(map(barriers.from_dict, _mappings("scenario: barriers", data)))
-
-
-def _read_map(data: Any) -> Floor | None:
-    return None if data is None else floors().read(data)
-
-
-def _read_reference(data: object) -> Reference:
-    return records.from_dict("reference", data, references.KINDS)
-
-
-def _read_obstacles(data: object) -> tuple[BoxObstacle, ...]:
-    boxes = _mappings("scenario: obstacles", data)
-    return tuple(records.build("obstacle", BoxObstacle, box) for box in boxes)
-
-
 _FIELD_READERS: dict[str, Callable[[Any], object]] = {
-    "barriers": _read_barriers,
-    "map": _read_map,
-    "reference": _read_reference,
+    "barriers": lambda data: tuple(map(barriers.from_dict, _mappings("scenario: barriers", data))),
+    "map": lambda data: None if data is None else floors().read(data),
+    "reference": lambda data: records.from_dict("reference", data, references.KINDS),
     "input_set": input_sets.from_dict,
-    "obstacles": _read_obstacles,
+    "obstacles": lambda data: tuple(
+        records.build("obstacle", BoxObstacle, box)
+        for box in _mappings("scenario: obstacles", data)
+    ),
 }
 """The fields that are no plain values, and the functions that read them."""
 

@@ -70,7 +70,7 @@ def write(scene: Scene, i: int, into: BarrierSet) -> None:
         elif code == ELLIPSE:
             kind[k] = _core.ellipse_write(c, velocity, (x, y), (radius, aspect * radius), angle)
         else:
-            kind[k] = _core.convex_polygon_write(c, velocity, corners(row))
+            kind[k] = _core.convex_polygon_write(c, velocity, _corners(row))
     into.priority[i, :m], into.keeps_margin[i, :m] = scene.ranks, scene.ranks == 1
     into.changed(i)
 
@@ -116,7 +116,18 @@ def check_ranks(family: str, ranks: Integers) -> None:
         )
 
 
-def barrier(name: str, rank: int, row: Sequence[float], velocity: Any) -> Barrier:
+def barriers_of(scene: Scene) -> tuple[Barrier, ...]:
+    """Return the barriers of a scene, with the names "wall 1", … and "region 1", … in order."""
+    walls, barriers = 0, []
+    for k, row in enumerate(scene.shapes.tolist()):
+        is_wall = row[SHAPE] == HALF_PLANE
+        walls += is_wall
+        name = f"wall {walls}" if is_wall else f"region {k + 1 - walls}"
+        barriers.append(_barrier(name, int(scene.ranks[k]), row, scene.velocities[k].tolist()))
+    return tuple(barriers)
+
+
+def _barrier(name: str, rank: int, row: Sequence[float], velocity: Any) -> Barrier:
     """Return the barrier that a row of `Scene.shapes` describes."""
     code, x, y, radius, aspect, angle = row
     if code == HALF_PLANE:
@@ -125,10 +136,10 @@ def barrier(name: str, rank: int, row: Sequence[float], velocity: Any) -> Barrie
         return Disc(name, rank, (x, y), radius, velocity)
     if code == ELLIPSE:
         return Ellipse(name, rank, (x, y), (radius, aspect * radius), angle, velocity)
-    return ConvexPolygon(name, rank, tuple(map(tuple, corners(row))), velocity)
+    return ConvexPolygon(name, rank, tuple(map(tuple, _corners(row))), velocity)
 
 
-def corners(row: Sequence[float]) -> Array:
+def _corners(row: Sequence[float]) -> Array:
     """Return (k, 2) the corners of a polygon's or box's row, counter-clockwise [m]."""
     code, x, y, radius, aspect, angle = row
     if code == BOX:

@@ -17,8 +17,7 @@ PASSAGE = 1.0  # least passage beside a trap, and between the two [m]
 THICKNESS = 0.3  # of the walls that a trap is built of [m]
 RANKS = (1, 1, 1, 2, 2, 2)  # of the walls of the two traps
 KINDS = ("u", "corner", "dead end")
-BOTTOMS = (2.6, 5.7)
-"""Distance of the traps' far ends from the start [m], before the hall is stretched."""
+BOTTOMS = (2.6, 5.7)  # x of the traps' far ends [m], before the hall is stretched
 
 
 class TrapDraw(NamedTuple):

@@ -20,16 +20,7 @@ from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.programs import ConflictReport
-from hcbf_gym.wrappers.checks import (
-    INFO,
-    OBSERVATION,
-    check_observations,
-    check_order,
-    check_spaces,
-    input_set_of,
-    plant_of,
-    reads,
-)
+from hcbf_gym.wrappers import checks
 from hcbf_gym.wrappers.infos import copied
 
 _FLOATS = np.dtype(np.float64), np.dtype(np.float32)
@@ -60,16 +51,18 @@ class FilterBase:
         arguments are the wrapper's.
         """
         self._inner: Any = self.env.unwrapped
-        given_plant = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
+        given_plant = (
+            checks.plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
+        )
         count("threads", threads)
         loaded, self.plant = None, given_plant
         if certificate is not None:
             loaded = certificates.load(certificate)
             self.plant = certified.certified(given_plant, loaded, self._inner)
-        check_order(self.env)
-        check_observations(self.env, self.plant)
-        check_spaces(self.plant, *spaces)
-        input_set = input_set_of(self.plant, spaces[1])
+        checks.check_order(self.env)
+        checks.check_observations(self.env, self.plant)
+        checks.check_spaces(self.plant, *spaces)
+        input_set = checks.input_set_of(self.plant, spaces[1])
         self._core = FilterCore(self.plant, input_set, settings, batch, threads)
         self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
@@ -85,7 +78,8 @@ class FilterBase:
         self._is_first = True  # no episode has begun yet
         self._warned_readers: set[str] = set()
         self._covers_anew = self._reads_coverage_in_steps()
-        self._copies = {position: self._needs_copy(position) for position in (OBSERVATION, INFO)}
+        self._copies_observation = self._needs_copy(checks.OBSERVATION)
+        self._copies_info = self._needs_copy(checks.INFO)
 
     def _reads_coverage_in_steps(self) -> bool:
         """Return whether the plant's coverage is a user's function, which may change in an episode.
@@ -105,7 +99,7 @@ class FilterBase:
         plant = self.plant
         readers = [plant.barriers, plant.state, plant.goal, plant.extent]
         readers += [plant.covered] if self._covers_anew else []
-        return any(reads(r, position) for r in readers if callable(r) and r not in READERS)
+        return any(checks.reads(r, position) for r in readers if callable(r) and r not in READERS)
 
     @property
     def input_set(self) -> InputSet:
@@ -136,8 +130,8 @@ class FilterBase:
 
     def _see(self, observation: object, info: Info) -> None:
         """Store the data that readers read at the next step, as copies where that is needed."""
-        self._observation = copied(observation) if self._copies[OBSERVATION] else observation
-        self._info = copied(info) if self._copies[INFO] else info
+        self._observation = copied(observation) if self._copies_observation else observation
+        self._info = copied(info) if self._copies_info else info
 
     def _begin(self, mask: Mask, joins: bool = False) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states."""

@@ -16,7 +16,6 @@ from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.arguments import record_filter
-from hcbf_gym.wrappers.checks import INFO
 from hcbf_gym.wrappers.filter_base import FilterBase
 from hcbf_gym.wrappers.infos import joined, reported
 
@@ -101,7 +100,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         """
         before = self._info
         super()._see(observation, info)
-        if self._copies[INFO]:
+        if self._copies_info:
             self._info = reported(self._info)
             if begins is not None and not begins.all():
                 self._info = joined(self._info, before, begins)
