@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym import _core, certificates, records
+from hcbf_gym.arrays import Pair
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.speed_limit import check_leaves_speed
@@ -165,9 +166,7 @@ def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) ->
     return math.floor(1e3 * min(walkable, brakable)) / 1e3
 
 
-def _speed_margin(
-    declared: Randomization, terrain: str, input_set: InputSet
-) -> tuple[float, float]:
+def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> Pair:
     """Return m₀ [m/s] and k [-] of the speed limit's margin m₀ + k v, with v the cap.
 
     While a torque is delayed, u changes the model's velocity and not yet the trunk's.
@@ -217,9 +216,7 @@ def watch_bounds(
 def speed_limit(
     scenario: Scenario, declared: Randomization, terrain: str, input_set: InputSet
 ) -> float:
-    """Return the strict cap on the speed [m/s]: the scenario's, lowered to `carried_speed`.
-
-    A `LoweredWarning` reports that it is lowered.
+    """Return the scenario's cap on the speed [m/s], lowered with a warning to `carried_speed`.
 
     Raises:
         InvalidInputError: if the scenario's cap is above `FASTEST`.

@@ -106,7 +106,7 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         declared = Randomization.from_dict(randomization)
         sensor_model = None if estimation is None else sensors.make(estimation)
         derived_friction = a1_plant.derived_friction(declared)
-        planned_friction = derived_friction if friction is None else check_friction(friction)
+        planned = derived_friction if friction is None else check_friction(friction)
         arguments = {
             "environment": "HCBF-A1Regions-v0",
             "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
@@ -119,13 +119,11 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
             "estimation": sensor_model and asdict(sensor_model),
             "body": body,
         }
-        plant_model = a1_plant.plant_model(
-            arguments, scenes.own_scene, declared, planned_friction, reach
-        )
+        plant_model = a1_plant.plant_model(arguments, scenes.own_scene, declared, planned, reach)
         controller = LocomotionController(
             simulation.robot.xml_file,
             timestep=timestep,
-            friction=planned_friction,
+            friction=planned,
             gait=gait,
             max_speed=plant_model.v_max,
         )

@@ -12,12 +12,7 @@ from hcbf_gym.robots.body_points import body_of, radius
 
 
 class Footprint:
-    """Measures the distance of a robot's whole body from barriers.
-
-    Args:
-        model: the scene with the robot.
-        trunk: name of the robot's first body.
-    """
+    """Measures the distance of the whole robot, whose first body is the trunk, from barriers."""
 
     def __init__(self, model: mujoco.MjModel, trunk: str):
         self._model = model

@@ -27,11 +27,7 @@ def check_seed(seed: object) -> int | None:
 
 
 def check_seeds(seed: object, n: int) -> list[int | None]:
-    """Return one seed for each of N environments.
-
-    Args:
-        seed: a sequence of N seeds, or the seed of environment 0, which the others count up from.
-        n: N.
+    """Return N seeds, from a sequence of them or from one, from which the others count up.
 
     Raises:
         InvalidInputError: if a sequence does not have N entries, or an entry is no seed.

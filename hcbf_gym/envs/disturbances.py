@@ -92,9 +92,7 @@ class RandomPushes:
 _KINDS = {"scheduled": ScheduledPushes, "random": RandomPushes}
 
 
-def disturbance_from_dict(
-    values: Mapping[str, object] | None,
-) -> ScheduledPushes | RandomPushes:
+def disturbance_from_dict(values: Mapping[str, object] | None) -> ScheduledPushes | RandomPushes:
     """Return the pushes of a plain dict ``{"kind": "scheduled" | "random", …}``; None has none.
 
     Raises:
@@ -108,10 +106,9 @@ def _push(entry: Mapping[str, object]) -> Push:
     check_mapping("push", entry)
     if set(entry) != set(Push._fields):
         raise InvalidInputError(f"push: got {sorted(entry)}, expected {sorted(Push._fields)}")
+    time, duration = entry["time"], entry["duration"]
     return Push(
-        finite_float("push time", entry["time"], minimum=0.0, maximum=MAX_TIME),
-        finite_float(
-            "push duration", entry["duration"], minimum=0.0, maximum=MAX_TIME, exclusive=True
-        ),
+        finite_float("push time", time, minimum=0.0, maximum=MAX_TIME),
+        finite_float("push duration", duration, minimum=0.0, maximum=MAX_TIME, exclusive=True),
         finite_array("push force", entry["force"], (3,), largest=MAX_FORCE),
     )

@@ -137,11 +137,9 @@ class Drive(ABC, Generic[S]):
 
 
 def tracked(base: Array, look_ahead: float) -> Array:
-    """Return (n, 4) position and velocity of the point before the trunk, up to the first NaN.
+    """Return (n, 4) position and velocity of the point ℓ [m] before the trunk, while finite.
 
-    Args:
-        base: (k, 13) position, quaternion, velocity and turning rate of the trunk.
-        look_ahead: ℓ, the point's distance from the trunk's origin [m].
+    The trunk's `base` (k, 13) is position, quaternion, velocity and turning rate.
     """
     path = np.empty((len(base), 4))
     return path[: _core.tracked_path(base, look_ahead, path)]

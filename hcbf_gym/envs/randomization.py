@@ -71,10 +71,9 @@ class Randomization:
         for name in (*PlantConditions._fields, "start_distance", "start_yaw"):
             bounds = _range(name, getattr(self, name), exclusive=name in positive)
             object.__setattr__(self, name, bounds)
-        place = finite_array(
-            "payload_position", self.payload_position, (3,), largest=FARTHEST_PAYLOAD
-        )
-        object.__setattr__(self, "payload_position", tuple(place.tolist()))
+        position = self.payload_position
+        checked = finite_array("payload_position", position, (3,), largest=FARTHEST_PAYLOAD)
+        object.__setattr__(self, "payload_position", tuple(checked.tolist()))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, object] | None) -> "Randomization":
@@ -87,10 +86,8 @@ class Randomization:
     @property
     def off_nominal(self) -> bool:
         """Whether the plant's conditions may differ from the nominal ones, wherever it starts."""
-        nominal = Randomization()
-        return any(
-            getattr(self, name) != getattr(nominal, name) for name in PlantConditions._fields
-        )
+        nominal, names = Randomization(), PlantConditions._fields
+        return any(getattr(self, name) != getattr(nominal, name) for name in names)
 
     def draw(self, rng: np.random.Generator) -> PlantConditions:
         """Draw an episode's conditions; each takes one number from `rng`, whatever its range."""

@@ -105,8 +105,7 @@ class RegionsEnv(SingleRegions):
     @property
     def estimate(self) -> Estimate:
         """The robot's state and time, which this environment knows exactly."""
-        batch = self._batch
-        return Estimate(batch.x[0].copy(), batch.steps[0] * task.CONTROL_DT)
+        return Estimate(self.rom_state, self._batch.steps[0] * task.CONTROL_DT)
 
     @property
     def barrier_set(self) -> BarrierSet:

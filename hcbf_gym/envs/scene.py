@@ -109,17 +109,15 @@ def _add_floor_material(spec: mujoco.MjSpec) -> None:
         width=64,
         height=64,
     )
-    material = spec.add_material(
-        name=FLOOR, texuniform=True, texrepeat=(1 / TILE, 1 / TILE), specular=0.0
-    )
+    repeat = (1 / TILE, 1 / TILE)
+    material = spec.add_material(name=FLOOR, texuniform=True, texrepeat=repeat, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
 
 
 def _add_plane(spec: mujoco.MjSpec) -> None:
     """Add a plane without end."""
-    spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), material=FLOOR
-    )
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(name=FLOOR, type=plane, size=(0, 0, 0.05), material=FLOOR)
 
 
 def _add_rough_field(spec: mujoco.MjSpec) -> None:
@@ -135,9 +133,8 @@ def _add_rough_field(spec: mujoco.MjSpec) -> None:
         size=(ROUGH_HALF_SIZE, ROUGH_HALF_SIZE, ROUGH_STEP, 0.1),
         userdata=field.ravel(),
     )
-    spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=FLOOR, material=FLOOR
-    )
+    hfield = mujoco.mjtGeom.mjGEOM_HFIELD
+    spec.worldbody.add_geom(name=FLOOR, type=hfield, hfieldname=FLOOR, material=FLOOR)
     far, half = ROUGH_HALF_SIZE, 0.5 * WALL_HEIGHT
     for x, y in ((far, 0.0), (-far, 0.0), (0.0, far), (0.0, -far)):
         spec.worldbody.add_geom(

@@ -97,9 +97,9 @@ class SceneSource:
         return bool(slowed_by.any())
 
     def family_name(self, options: Mapping[str, Any]) -> str | None:
-        """Return the name, for certificates, of the family that an episode's scene is drawn from.
+        """Return the name of the family that draws an episode's scene, for options from `check`.
 
-        It is None where the scene, or its start, is of no family. Options are from `check`.
+        Certificates compare it. It is None where no family draws the scene and its start.
         """
         if "start" in options:
             return None

@@ -190,8 +190,7 @@ class Simulation(ABC):
         """Set the payload's mass [kg] and the inertia of its box."""
         body = self.model.body(scene.PAYLOAD).id
         x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
+        diagonal = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
         self.model.body_mass[body] = payload
-        self.model.body_inertia[body] = (
-            payload / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-        )
+        self.model.body_inertia[body] = payload / 12 * diagonal
         mujoco.mj_setConst(self.model, self.data)

@@ -100,10 +100,10 @@ def register(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
     instance(f"family {name!r}: hooks", hooks, Hooks)
-    optional = {"draw_many": draw_many, "floor": floor, "redraw": redraw}
-    given = {argument: value for argument, value in optional.items() if value is not None}
-    for argument, value in ({"draw": draw} | given).items():
-        if not callable(value):
+    functions = {"draw": draw, "draw_many": draw_many, "floor": floor, "redraw": redraw}
+    for argument, value in functions.items():
+        is_left_out = value is None and argument != "draw"
+        if not (is_left_out or callable(value)):
             raise InvalidInputError(
                 f"family {name!r}: {argument}: got {shown(value)}, expected a function"
             )

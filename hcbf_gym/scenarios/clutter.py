@@ -40,7 +40,7 @@ def draw(generator: np.random.Generator, scene: Scene) -> None:
     regions = hall.build(scene, length, half_width)
     for region, chance in zip(regions[:count], chances.reshape(max_regions, -1), strict=False):
         size, kind, turn, form, *places = chance.tolist()
-        room = _place(region, places, path, half_width, scene.goal)
+        room = _put(region, places, path, half_width, scene.goal)
         region[RADIUS] = max(0.05, min(0.35 + 0.55 * size, room))
         hall.shape(region, kind, turn, form)
 
@@ -57,12 +57,10 @@ def _winding_path(bends: Array, half_width: float, goal: Array) -> Array:
     return path
 
 
-def _place(
-    region: Array, places: list[float], path: Array, half_width: float, goal: Array
-) -> float:
+def _put(region: Array, places: list[float], path: Array, half_width: float, goal: Array) -> float:
     """Write the centre of a region; return the greatest circumradius that it may have there [m].
 
-    `places` are two random numbers for each of `_TRIES` places, around the line to the goal.
+    Two random numbers decide each of `_TRIES` places around the line to the goal.
     """
     roomiest = -np.inf
     for attempt in range(_TRIES):

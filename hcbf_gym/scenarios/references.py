@@ -37,9 +37,8 @@ class PointReference:
     goal: Pair
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "goal", tuple(finite_array("goal", self.goal, (2,), largest=FARTHEST).tolist())
-        )
+        goal = finite_array("goal", self.goal, (2,), largest=FARTHEST)
+        object.__setattr__(self, "goal", tuple(goal.tolist()))
 
     @property
     def duration(self) -> float:
@@ -80,9 +79,8 @@ class BezierReference:
             )
         object.__setattr__(self, "points", tuple(tuple(p) for p in points.tolist()))
         for name in ("duration", "ramp"):
-            value = finite_float(
-                name, getattr(self, name), minimum=0.0, maximum=MAX_DURATION, exclusive=True
-            )
+            time = getattr(self, name)
+            value = finite_float(name, time, minimum=0.0, maximum=MAX_DURATION, exclusive=True)
             object.__setattr__(self, name, value)
         if self.ramp > self.duration / 2:
             raise InvalidInputError(

@@ -9,7 +9,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.scenarios import hall
-from hcbf_gym.scenarios.scene import ANGLE, ASPECT, BOX, RADIUS, SHAPE, Scene, X, Y
+from hcbf_gym.scenarios.scene import BOX, Scene
 
 CLEAR = 0.7  # least distance from the free path, and half of the narrowest doorway [m]
 CLEAR_ENDS = 0.8  # the same at the start and at the goal, walls included [m]
@@ -67,11 +67,17 @@ def draw(generator: np.random.Generator, scene: Scene) -> None:
 
     for k, chances in enumerate(boxes.reshape(BOXES, -1).tolist()):
         size, form, turn, room, absence, *places = chances
-        box = regions[2 + INNER_WALLS + k]
-        if k >= ROOMS:  # a zone, in any room
-            _place_box(box, path, rooms[int(ROOMS * room)], places, 0.5 + 0.4 * size, form, turn)
-        elif absence >= 1.0 - FURNISHED_SHARE:
-            _place_box(box, path, rooms[k], places, 0.35 + 0.4 * size, form, turn)
+        is_zone = k >= ROOMS  # zones are in any room, furniture in its own
+        if not is_zone and absence < 1.0 - FURNISHED_SHARE:
+            continue
+        corners = rooms[int(ROOMS * room) if is_zone else k]
+        x, y, largest = _roomiest(path, corners, places)
+        radius = min((0.5 if is_zone else 0.35) + 0.4 * size, largest)
+        if radius >= _SMALLEST:
+            aspect = 0.4 + 0.6 * form
+            half_length = radius / np.hypot(1.0, aspect)
+            region = regions[2 + INNER_WALLS + k]
+            region[:] = BOX, x, y, half_length, aspect, 0.5 * np.pi * turn
 
 
 def _room_corners(length: float, half_width: float, between: Array, within: Array) -> Array:
@@ -160,26 +166,16 @@ def _path(start: Array, goal: Array, first: int, last: int, widths: Array, middl
     return np.array([*path, goal])
 
 
-def _place_box(
-    region: Array, path: Array, room: Array, places: list[float], size: float, form: float,
-    turn: float,
-) -> None:  # fmt: skip
-    """Write a box in a room at the roomiest of some places, with a circumradius of `size` [m].
+def _roomiest(path: Array, room: Array, places: list[float]) -> tuple[float, float, float]:
+    """Return x, y and the greatest circumradius of a box in a room beside the path [m].
 
-    It is smaller where the path leaves less room. `places` are two random numbers for each place,
-    and `form` and `turn` random numbers for the ratio of its sides and its angle.
+    It is the best of `_TRIES` places, each of which two random numbers decide.
     """
     (x0, y0), (x1, y1) = room
-    roomiest, best_x, best_y = 0.0, 0.0, 0.0
+    best_x, best_y, best_radius = 0.0, 0.0, 0.0
     for k in range(_TRIES):
         x, y = x0 + (x1 - x0) * places[2 * k], y0 + (y1 - y0) * places[2 * k + 1]
-        free = hall.room_beside(path, x, y, CLEAR, CLEAR_ENDS)
-        if free > roomiest:
-            roomiest, best_x, best_y = free, x, y
-    radius = min(size, roomiest)
-    if radius < _SMALLEST:
-        return
-    aspect = 0.4 + 0.6 * form
-    region[SHAPE], region[X], region[Y] = BOX, best_x, best_y
-    region[RADIUS], region[ASPECT] = radius / np.hypot(1.0, aspect), aspect
-    region[ANGLE] = 0.5 * np.pi * turn
+        radius = hall.room_beside(path, x, y, CLEAR, CLEAR_ENDS)
+        if radius > best_radius:
+            best_x, best_y, best_radius = x, y, radius
+    return best_x, best_y, best_radius

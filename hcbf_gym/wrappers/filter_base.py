@@ -51,9 +51,8 @@ class FilterBase:
         arguments are the wrapper's.
         """
         self._inner: Any = self.env.unwrapped
-        given_plant = (
-            checks.plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
-        )
+        given_plant = checks.plant_of(self._inner) if plant is None else plant
+        instance("plant", given_plant, Plant)
         count("threads", threads)
         loaded, self.plant = None, given_plant
         if certificate is not None:
@@ -119,12 +118,8 @@ class FilterBase:
     def conflict(self, i: int = 0) -> ConflictReport | None:
         """Return the conditions that no input satisfied together at the last step, if any.
 
-        Args:
-            i: the index of a plant of N.
-
-        Returns:
-            The conditions as indices `rows` of `conditions`, and the ranks that are relaxed; None
-            where there was no conflict, or the state was not accepted.
+        It is None where there was no conflict, or the state of plant `i` of N was not accepted. Its
+        `rows` are indices of `conditions`.
         """
         return self._core.conflict(i)
 

@@ -16,15 +16,13 @@ from hcbf_gym.wrappers.safety_filter import SafetyFilter
 from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 
-def _check_filtered(env: Any, filter_class: type) -> None:
+def _check_filtered(env: Any, wrapper: type) -> None:
     """Refuse an environment without a filter of the given class in it."""
     while env is not env.unwrapped:
-        if isinstance(env, filter_class):
+        if isinstance(env, wrapper):
             return
         env = env.env
-    raise InvalidInputError(
-        f"environment: no safety filter in it, expected a {filter_class.__name__}"
-    )
+    raise InvalidInputError(f"environment: no safety filter in it, expected a {wrapper.__name__}")
 
 
 class InterventionPenalty(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):

@@ -105,10 +105,7 @@ class SafetyFilter(
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The id and arguments that make the filtered environment again.
-
-        With a `plant` argument it cannot become JSON, because the plant's readers are functions.
-        """
+        """The id and arguments that make it again, as JSON only without an argument `plant`."""
         spec = super().spec
         return with_plant(spec) if self._has_own_plant and spec is not None else spec
 
