@@ -1,7 +1,4 @@
-"""The assumptions of controller and filter about the A1, derived from its declared plants.
-
-An environment declares the ranges of its plant's conditions by a `Randomization`.
-"""
+"""The A1 that controller and filter assume, derived from the declared ranges of its conditions."""
 
 import math
 from collections.abc import Mapping

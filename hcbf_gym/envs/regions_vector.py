@@ -202,11 +202,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             self._positions.append(self._batch.x[:, :2].copy())
 
     def _draw_scenes(self, mask: Mask, options: Mapping[str, object]) -> None:
-        """Put their next scenes into the masked environments (N,).
-
-        These are the scene of a reset's options where there is one, else a scene that the family
-        draws, else the environment's own scene.
-        """
+        """Put the scene of a reset's options, or the next own ones, into environments (N,)."""
         family = self._scenes.family_name(options)
         self._family = [family if mask[i] else old for i, old in enumerate(self._family)]
         indices = np.flatnonzero(mask).tolist()

@@ -224,10 +224,7 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         return float(sum(term[0] for term in terms.values()))
 
     def _with_robot(self, info: Info, motion: Motion) -> Info:
-        """Return the infos with those of the robot.
-
-        Where the whole body must stay outside, `cost` and `costs` also count its entries.
-        """
+        """Return the infos with the robot's, and with its body's costs where it is no point."""
         info = info | self._info_of(motion)
         if motion.body_h is None or motion.least_body_h is None:
             return info
@@ -243,7 +240,7 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         return self._fallen
 
     def _info_of(self, motion: Motion) -> Info:
-        """Return the infos of this kind of robot."""
+        """Return the infos that this kind of robot adds."""
         return {"fallen": np.float64(self._fallen), "obstacle_force": motion.obstacle_force}
 
 

@@ -22,10 +22,7 @@ _NUMBERS_PER_REGION = 4 + 2 * _TRIES
 
 
 def draw(generator: np.random.Generator, scene: Scene) -> None:
-    """Fill a scene of two walls and 3 regions or more.
-
-    Every scene of as many regions takes as many random numbers.
-    """
+    """Fill a scene of two walls and 3 regions or more; equally many take equally many numbers."""
     hall.check_count(scene, hall.WALLS + 3)
     ranks = scene.ranks[hall.WALLS :]
     max_regions = len(ranks)

@@ -23,8 +23,7 @@ ROOMS, DOORWAYS = 2 * COLUMNS, COLUMNS + 2 * (COLUMNS - 1)
 INNER_WALLS = 2 * COLUMNS + 3 * (COLUMNS - 1)
 """Pieces of wall between rooms: two in each column, three between columns."""
 ZONE_RANKS = (2, 2, 3, 3)
-BOXES = ROOMS + len(ZONE_RANKS)
-"""The furniture, one piece in each room, and the zones."""
+BOXES = ROOMS + len(ZONE_RANKS)  # the furniture, one piece in each room, and the zones
 RANKS = (1,) * (2 + INNER_WALLS + ROOMS) + ZONE_RANKS
 """Ranks of the walls at both ends, the walls between rooms, the furniture, the zones."""
 
