@@ -53,12 +53,12 @@ class Drive(ABC, Generic[S]):
         # time from the control step's beginning to the end of each tick [s]
         self._tick_times: Array = np.arange(1, ticks + 1) * np.float64(self._timestep)
         self._base: Array = np.empty((ticks, BASE_SIZE))  # the trunk after each tick
-        self._rows = list(self._base)
+        self._base_rows = list(self._base)
         self._began = 0.0  # the time at which the control step began [s]
         self.rest(np.zeros(2))
 
     def rest(self, position: Array) -> None:
-        """Be at rest at a position (2,) [m]."""
+        """Set `truth` and `origin` to rest at a position (2,) [m]."""
         self.truth: Array = np.array([*position, 0.0, 0.0])
         self.origin: Array = self.truth
 
@@ -73,8 +73,8 @@ class Drive(ABC, Generic[S]):
         self.simulation.reset(position - ahead, yaw, rng)
         self.rest(position)
         self._begin(rng)
-        self.simulation.base(self._rows[0])
-        path = self._walked(self._base[:1])
+        self.simulation.base(self._base_rows[0])
+        path = self._record_path(self._base[:1])
         body = self._body_h(barriers, 0.0)
         forces = np.zeros(len(self.simulation.obstacle_forces()))
         return Motion(path, np.zeros(1), forces, body, body)
@@ -97,27 +97,27 @@ class Drive(ABC, Generic[S]):
 
     def _run(self, barriers: BarrierSet, time: float) -> Motion:
         """Run the ticks of one control step that begins at a time [s]."""
-        simulation, body_heights, count = self.simulation, [], 0
+        simulation, body_h, ticks = self.simulation, [], 0
         self._began = time
         force = np.zeros(len(simulation.obstacle_forces()))
         has_obstacles, has_body = len(force) > 0, self._footprint is not None
-        for row in self._rows:
-            if not self._tick(count):
+        for tick, base in enumerate(self._base_rows):
+            if not self._tick(tick):
                 break  # the state is no longer finite: the step ends with the last finite one
-            simulation.base(row)
+            simulation.base(base)
             if has_body:
-                body_heights.append(self._body_h(barriers, time + self._tick_times[count]))
+                body_h.append(self._body_h(barriers, time + self._tick_times[tick]))
             if has_obstacles:
                 force = np.maximum(force, simulation.obstacle_forces())
-            count += 1
-        path = self._walked(self._base[:count])
+            ticks += 1
+        path = self._record_path(self._base[:ticks])
         times = time + self._tick_times[: len(path)]
         if not has_body:
             return Motion(path, times, force)
-        body_heights = body_heights[: len(path)] or [self._body_h(barriers, time)]
-        return Motion(path, times, force, body_heights[-1], np.minimum.reduce(body_heights))
+        body_h = body_h[: len(path)] or [self._body_h(barriers, time)]
+        return Motion(path, times, force, body_h[-1], np.minimum.reduce(body_h))
 
-    def _walked(self, base: Array) -> Array:
+    def _record_path(self, base: Array) -> Array:
         """Return the path (k, 4) of the trunk's origin; update `origin` and `truth` by its end."""
         path = tracked(base, 0.0)
         if len(path) == 0:  # no tick ended in a finite state

@@ -127,7 +127,7 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         motion = self._advance(u)
         success = self._has_succeeded()
         distances, reference = (distance_before, self._distance), self._reference()
-        observation, reward, info = self._tally.count(
+        observation, reward, info = self._tally.result(
             self.barrier_set, motion, self._estimate, reference, u, distances, success
         )
         info = self._with_robot(info, motion)

@@ -21,7 +21,7 @@ _FIRST_ENTRIES = "cost", "tracking_error", "is_success"  # before the reward's t
 
 
 class StepResult(NamedTuple):
-    """What a policy gets from a step."""
+    """The observation, reward and infos that a policy gets from a step."""
 
     observation: Array  # (8 + 4 m,)
     reward: float
@@ -55,9 +55,9 @@ class StepTally:
         for index, name in enumerate(REWARD_TERMS[scenario.task], _core.TALLY_TERMS):
             self._infos[name] = index
 
-    def count(
+    def result(
         self,
-        scene: BarrierSet,
+        barriers: BarrierSet,
         motion: Motion,
         estimate: Estimate,
         reference: Array,
@@ -68,7 +68,7 @@ class StepTally:
         """Return the result of a step.
 
         Args:
-            scene: the barriers.
+            barriers: the scene's barriers, the environment's own included.
             motion: the robot's path in the step.
             estimate: the state at the end, on which the loop is closed.
             reference: (6,) position, velocity and acceleration of the reference at the end.
@@ -77,15 +77,15 @@ class StepTally:
             success: whether the robot is at the goal and the reference has ended.
         """
         x, step = estimate.x, (u, *distances, bool(success), self._is_reach, self._ranks)
-        if scene.own:  # only Python can evaluate the barriers of users' own classes
-            h = scene.along(motion.path, motion.times)
-            _, sensed = scene.sense(x[None], np.array([estimate.time]))
-            ranked = scene.kind[0], scene.priority[0]
-            _core.tally_count(h, sensed[0], *ranked, x, reference, step, self._array)
+        kind, priority = barriers.kind, barriers.priority
+        if barriers.own:  # only Python can evaluate the barriers of users' own classes
+            h = barriers.along(motion.path, motion.times)
+            _, sensed = barriers.sense(x[None], np.array([estimate.time]))
+            _core.tally_count(h, sensed[0], kind[0], priority[0], x, reference, step, self._array)
         else:
-            barriers = scene.kind, scene.parameters, scene.priority, scene.atlas.numbers
+            shapes = kind, barriers.parameters, priority, barriers.atlas.numbers
             path = motion.path, motion.times
-            _core.tally_look(*barriers, *path, x, estimate.time, reference, step, self._array)
+            _core.tally_look(*shapes, *path, x, estimate.time, reference, step, self._array)
         array = self._array.copy()
-        info = {name: array[part] for name, part in self._infos.items()}
+        info = {name: array[place] for name, place in self._infos.items()}
         return StepResult(array[self._observation], float(array[_core.TALLY_REWARD]), info)
