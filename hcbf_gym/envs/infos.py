@@ -28,28 +28,28 @@ def with_masks(info: Info, reported: Mask) -> Info:
     return infos
 
 
-def only(infos: Info, mask: Mask) -> Info:
+def only_masked(infos: Info, mask: Mask) -> Info:
     """Return a copy in which all entries are zero, except those of the masked environments (N,)."""
     kept: Info = {}
     for key, value in infos.items():
         if isinstance(value, dict):
-            kept[key] = only(value, mask)
+            kept[key] = only_masked(value, mask)
         else:
             kept[key] = np.zeros_like(value)
             kept[key][mask] = value[mask]
     return kept
 
 
-def put(infos: Info, mask: Mask, fresh: Info) -> None:
+def replace_masked(infos: Info, mask: Mask, fresh: Info) -> None:
     """Replace the entries of the masked environments (N,) in place by those of `fresh`."""
     for key, value in fresh.items():
         if isinstance(value, dict):
-            put(infos[key], mask, value)
+            replace_masked(infos[key], mask, value)
         else:
             infos[key][mask] = value[mask]
 
 
-def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
+def move_to_final(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
     """Put the infos of a reset within a step (mode SameStep) into those of the step, in place.
 
     The step's infos and observations `last` (N, …) of the environments `done` (N,), which were
@@ -58,8 +58,8 @@ def start_over(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
     final_obs = np.full(len(done), None, dtype=object)
     for i in np.flatnonzero(done):
         final_obs[i] = last[i].copy()
-    final_info = only(infos, done)
-    put(infos, done, fresh)
+    final_info = only_masked(infos, done)
+    replace_masked(infos, done, fresh)
     infos |= {"final_obs": final_obs, "_final_obs": done.copy()}
     infos |= {"final_info": final_info, "_final_info": done.copy()}
 
@@ -88,7 +88,7 @@ class Reporter:
         everyone = np.ones_like(self._ended)
         mask = everyone if options is None else options.get("reset_mask", everyone)
         self._ended[mask] = False
-        infos |= only(with_masks({self._key: fresh}, everyone), mask)
+        infos |= only_masked(with_masks({self._key: fresh}, everyone), mask)
 
     def at_step(self, infos: Info, entry: object, fresh: Any, ended: Mask) -> Mask:
         """Add the entry of a step in place, and return (N,) which environments were reset in it.
@@ -107,9 +107,10 @@ class Reporter:
         elif self._mode is AutoresetMode.SAME_STEP:
             restarted = ended
             if ended.any():
-                infos["final_info"] |= only(with_masks(added, everyone), ended)
+                infos["final_info"] |= only_masked(with_masks(added, everyone), ended)
         if restarted.any():
-            put(added, restarted, {self._key: fresh(restarted) if callable(fresh) else fresh})
+            reset_entry = fresh(restarted) if callable(fresh) else fresh
+            replace_masked(added, restarted, {self._key: reset_entry})
         infos |= with_masks(added, everyone)
         self._ended = ended
         return restarted

@@ -149,7 +149,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             self._positions.pop()
         self._record_positions()
         observation, info = self._batch.reset_infos()
-        return observation, vector_infos.only(self._report(info), mask)
+        return observation, vector_infos.only_masked(self._report(info), mask)
 
     def step(self, actions: Array) -> tuple[Array, Array, Mask, Mask, Info]:
         """Hold the accelerations (N, 2) [m/s²] for one control step.
@@ -173,7 +173,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             self._draw_scenes(done, {})
             self._batch.restart(done)
             observation, fresh = self._batch.reset_infos()
-            vector_infos.start_over(infos, done, step.observation, fresh)
+            vector_infos.move_to_final(infos, done, step.observation, fresh)
         self._record_positions()
         return observation, reward, terminated, truncated, infos
 

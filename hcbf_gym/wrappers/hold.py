@@ -114,9 +114,9 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
             terminated = terminated | (running & terminates)
             truncated = truncated | (running & truncates)
             infos = _merge(infos, step_infos, k, running)
-        return self._start_over(observation, reward, terminated, truncated, infos)
+        return self._reset_ended(observation, reward, terminated, truncated, infos)
 
-    def _start_over(
+    def _reset_ended(
         self, observation: Any, reward: Array, terminated: Mask, truncated: Mask, infos: Info
     ) -> tuple[Any, Array, Mask, Mask, Info]:
         """Reset the environments whose episodes have ended, as the autoreset mode requires."""
@@ -126,12 +126,12 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
             observation = np.where(restarted[:, None], fresh, observation)
             reward = np.where(restarted, 0.0, reward)
             terminated, truncated = terminated & ~restarted, truncated & ~restarted
-            vector_infos.put(infos, restarted, fresh_infos)
+            vector_infos.replace_masked(infos, restarted, fresh_infos)
         ended = terminated | truncated
         self._ended = ended
         if self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
             fresh, fresh_infos = self.env.reset(options={"reset_mask": ended})
-            vector_infos.start_over(infos, ended, observation, fresh_infos)
+            vector_infos.move_to_final(infos, ended, observation, fresh_infos)
             observation = np.where(ended[:, None], fresh, observation)
         return observation, reward, terminated, truncated, infos
 
