@@ -105,7 +105,8 @@ class RegionsEnv(SingleRegions):
     @property
     def estimate(self) -> Estimate:
         """The robot's state and time, which this environment knows exactly."""
-        return Estimate(self.rom_state, self._batch.steps[0] * task.CONTROL_DT)
+        batch = self._batch
+        return Estimate(batch.x[0].copy(), batch.steps[0] * task.CONTROL_DT)
 
     @property
     def barrier_set(self) -> BarrierSet:
