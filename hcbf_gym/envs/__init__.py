@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 __all__ = ["A1RegionsEnv", "RegionsEnv", "RegionsVectorEnv"]
 
-_NEEDS = {"A1RegionsEnv": ("mujoco", "pinocchio")}
-_find = lazily.names_of(
+_REQUIRED_PACKAGES = {"A1RegionsEnv": ("mujoco", "pinocchio")}
+_import_class = lazily.names_of(
     __name__,
     {
         "A1RegionsEnv": "a1_regions",
@@ -24,6 +24,6 @@ _find = lazily.names_of(
 
 
 def __getattr__(name: str) -> Any:
-    if name in _NEEDS:
-        require_packages(name, *_NEEDS[name])
-    return _find(name)
+    if name in _REQUIRED_PACKAGES:
+        require_packages(name, *_REQUIRED_PACKAGES[name])
+    return _import_class(name)

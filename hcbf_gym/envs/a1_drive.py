@@ -1,4 +1,4 @@
-"""An A1 that walks: its tick is controller, physics and estimator."""
+"""The A1 with its controller: one tick runs controller, physics and estimator."""
 
 import numpy as np
 
@@ -15,15 +15,15 @@ from hcbf_gym.locomotion.watch import Fault, Watch
 from hcbf_gym.models.plant import Estimate
 
 FEEDBACK = ("measured", "position", "rom")
-"""On which state the loop is closed; see `A1RegionsEnv`."""
+"""The states on which the loop can be closed; see `A1RegionsEnv`."""
 
-ALARMS = {
+REASON_OF_FAULT = {
     Fault.NONE: None,
     Fault.SLIP: Reason.SLIP,
     Fault.LAG: Reason.LAG,
     Fault.LIFT: Reason.LIFT,
 }
-"""The watch's faults as a filter's reasons."""
+"""The reason with which a filter reacts to each fault of the watch."""
 
 
 class A1Drive(Drive[A1Physics]):
@@ -32,9 +32,9 @@ class A1Drive(Drive[A1Physics]):
     Args:
         simulation: the scene.
         controller: turns u into torques.
-        estimator: gives the controller and the filter the robot's state; None is the truth.
-        footprint: as `Drive` takes it.
-        feedback: on which state the loop is closed, a name of `FEEDBACK`.
+        estimator: estimates the state for controller and filter; None gives them the truth.
+        footprint: measures the whole robot's distance to the regions; None for a point.
+        feedback: the state on which the loop is closed, a name of `FEEDBACK`.
         watch: detects a plant that is not the declared one.
     """
 
@@ -56,13 +56,13 @@ class A1Drive(Drive[A1Physics]):
     def rest(self, position: Array) -> None:
         """Be at rest at a position (2,) [m]."""
         super().rest(position)
-        self._estimated: Array | None = None  # (41,) the robot's state; None for the truth
+        self._estimated: Array | None = None  # (41,) the estimated state; None for the truth
 
     def _begin(self, rng: np.random.Generator) -> None:
         if self._estimator is not None:
-            # errors of the sensors come from a stream of their own: the plant stays the same
-            (errors,) = rng.spawn(1)
-            self._estimated = self._estimator.reset(self.simulation.truth, errors)
+            # sensor errors have a separate stream, so that a seed draws the same plant without them
+            (sensor_rng,) = rng.spawn(1)
+            self._estimated = self._estimator.reset(self.simulation.truth, sensor_rng)
         self.controller.reset(self.simulation.state(self._estimated))
         self.watch.reset()
 
@@ -87,20 +87,20 @@ class A1Drive(Drive[A1Physics]):
 
     def estimate(self, time: float) -> Estimate:
         """Return the state on which the loop is closed, at a time since the reset [s]."""
-        body = self.truth if self._estimated is None else self._estimated[BASE]
+        trunk = self.truth if self._estimated is None else self._estimated[BASE]
         reference = self.controller.reference
         model = np.concatenate([reference.position, reference.velocity])
-        position = np.concatenate([body[:2], model[2:]])
-        x = {"measured": body, "position": position, "rom": model}[self.feedback]
+        position = np.concatenate([trunk[:2], model[2:]])
+        x = {"measured": trunk, "position": position, "rom": model}[self.feedback]
         covariance, yaw = None, self.simulation.yaw
         if self._estimator is not None:
             estimate = self._estimator.estimate
             covariance, yaw = estimate.covariance, estimate.yaw
-        fault = ALARMS[self.watch.fault]
-        return Estimate(x, time, covariance, model, body - model, np.float64(yaw), fault=fault)
+        fault = REASON_OF_FAULT[self.watch.fault]
+        return Estimate(x, time, covariance, model, trunk - model, np.float64(yaw), fault=fault)
 
     def diagnostics(self) -> Info:
-        """Return the controller's record as NumPy's float64, as infos carry them."""
+        """Return the controller's record for the infos, as arrays and numbers of float64."""
         return {
             name: np.asarray(value, dtype=np.float64) if np.ndim(value) else np.float64(value)
             for name, value in self.controller.diagnostics._asdict().items()

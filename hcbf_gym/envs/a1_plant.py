@@ -1,4 +1,4 @@
-"""What controller and filter assume of the A1 and its ground, from what is declared."""
+"""The A1 that controller and filter assume, derived from the declared ranges of its conditions."""
 
 import math
 from collections.abc import Mapping
@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hcbf_gym import _core, certificates, records
+from hcbf_gym.arrays import Pair
 from hcbf_gym.barriers import braking
 from hcbf_gym.barriers.class_k import LogClassK
 from hcbf_gym.barriers.speed_limit import check_leaves_speed
@@ -20,14 +21,10 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_gym.scenarios import Scenario
 
-V_MAX = 1.5
-"""Strict cap on the speed [m/s] where the scenario sets none; its row holds the trunk below some
-1.3 m/s, so that the paper's courses can be caught up with."""
-
-FASTEST = 1.7
-"""The highest cap [m/s] that a scenario may set."""
-
-NOMINAL = Randomization()
+# below this cap its row's margin leaves 1.3 m/s, with which the trunk catches up with references
+V_MAX = 1.5  # strict cap on the speed where the scenario sets none [m/s]
+FASTEST = 1.7  # the highest cap that a scenario may set [m/s]
+NOMINAL = Randomization()  # the plant that the controller's model describes
 
 UNCERTAINTY = Uncertainty(
     distance=0.025,
@@ -38,60 +35,57 @@ UNCERTAINTY = Uncertainty(
     speed=0.18,
     speed_per_velocity=0.8,
 )
-"""The trunk's distance from its reduced-order model, calibrated with the hostile episodes of
-docs/guarantees.md."""
+"""How far the nominal plant's trunk may be from its reduced-order model, calibrated with the
+hostile episodes of docs/guarantees.md."""
 
 
 class Law(NamedTuple):
-    """How the margins grow with what is declared, and with the cap on the speed v.
+    """The growth of the margins with the declared plants, and with the cap v on the speed.
 
-    Rows on the position reserve ``fast max(0, v − V_MAX) + w max(1, v / 1 m/s)`` more than on the
-    nominal plant, the speed limit ``share w v + ‖u‖ late``, with late the torque's delay beyond the
-    nominal one and w the sum of the other terms, each times how far its range leaves the nominal
-    plant. No margin covers a fall: a cap above ``FASTEST − slower w`` is lowered to it.
+    The distance of the declared plants from the nominal one is w [m], see `_plant_distance`. Rows
+    on the position reserve ``cap (v − V_MAX)⁺ + w max(1, v / 1 m/s)`` more than on the nominal
+    plant, and the speed limit reserves ``speed w v + ‖u‖ (delay − 2 ms)⁺`` more. No margin covers a
+    fall, so a cap above ``FASTEST − cap_lowering w`` is lowered to it.
     """
 
-    fast: float = 0.1  # of the cap above `V_MAX` [s]
-    rough: float = 0.014  # of rough ground [m]
-    slippery: float = 0.04  # of the friction that the floor lacks [m]
-    payload: float = 0.002  # [m/kg]
-    weak: float = 0.03  # of the share of the torque that is missing [m]
-    late: float = 2.5  # of the delay [m/s]
-    noise: float = 0.02  # of the scale of the sensors' noise [m]
-    share: float = 1.0  # of w v [1/m]
-    slower: float = 10.0  # of w [1/s]
+    cap: float = 0.1  # per cap above `V_MAX` [s]
+    rough_ground: float = 0.014  # on rough ground [m]
+    friction: float = 0.04  # per friction that the floor lacks [m]
+    payload: float = 0.002  # per payload [m/kg]
+    motor_strength: float = 0.03  # per share of the torque that is missing [m]
+    delay: float = 2.5  # per delay beyond the nominal one [m/s]
+    sensor_noise: float = 0.02  # per scale of the sensors' noise [m]
+    speed: float = 1.0  # per w v [1/m]
+    cap_lowering: float = 10.0  # per w [1/s]
 
 
 LAW = Law()
 """Calibrated with hostile episodes of `hcbf_lab.certification.mixture`."""
 
-PLANNED = 0.75
-"""Share of the floor's least friction that the controller plans with: the rest is for slips."""
+PLANNED_FRICTION_SHARE = 0.75  # of the floor's least friction; the rest is for slips
+CARRIED_INPUT_SHARE = 0.85  # of µg for a component of u; the rest holds the trunk on its reference
 
-CARRIED = 0.85
-"""Share of µg that a component of u may take: the rest holds the trunk on its reference."""
-
-SLIP, LAG, LIFT = 0.08, 0.2, 0.9
-"""The watch's bounds: of slip on the nominal plant [m/s], of lag, and of lift beyond what is
-declared [m/s²]."""
-
-ROUGH_SLIP, ESTIMATED_SLIP, NOISY_SLIP, LATE_SLIP = 0.04, 0.06, 0.4, 2000.0
-"""What adds to it: rough ground, an estimated velocity, sensor noise of 1 [m/s], and the square of
-the delay [m/s³]."""
+# the watch's bounds
+MAX_SLIP, MAX_LAG, MAX_LIFT = 0.08, 0.2, 0.9  # on the nominal plant [m/s], [m/s²], [m/s²]
+SLIP_ON_ROUGH_GROUND = 0.04  # [m/s]
+SLIP_OF_ESTIMATE = 0.06  # where the trunk's velocity is estimated [m/s]
+SLIP_PER_SENSOR_NOISE = 0.4  # [m/s]
+SLIP_PER_DELAY_SQUARED = 2000.0  # per square of the delay beyond the nominal one [m/s³]
 
 
 def derived_friction(declared: Randomization) -> float:
-    """Return µ of the contact forces: three quarters of the least that the floor may have.
+    """Return µ of the planned contact forces, three quarters of the least that the floor may have.
 
-    It is no more than the nominal floor's, on which the robot walks as well as it can.
+    It is at most that of the nominal floor: more friction does not let the robot walk better.
     """
-    return min(_core.FULL_GRIP, max(LEAST_FRICTION, PLANNED * declared.floor_friction[0]))
+    planned = PLANNED_FRICTION_SHARE * declared.floor_friction[0]
+    return min(_core.FULL_GRIP, max(LEAST_FRICTION, planned))
 
 
 def carried_inputs(input_set: InputSet, friction: float) -> InputSet:
-    """Return U, shrunk until the ground with this µ carries it: ``|u_i| ≤ .85 µ g``."""
+    """Return U, shrunk until the ground with this µ carries it: ``|u_i| ≤ 0.85 µ g``."""
     largest = float(np.abs(input_set.vertices()).max())
-    share = CARRIED * friction * GRAVITY / largest
+    share = CARRIED_INPUT_SHARE * friction * GRAVITY / largest
     return input_set if share >= 1.0 else input_set.scaled(share)
 
 
@@ -102,20 +96,20 @@ def plant_model(
     friction: float,
     reach: float,
 ) -> PlantModel:
-    """Return what a filter assumes of the A1.
+    """Return the model of the A1 that a filter assumes.
 
     Args:
-        arguments: of the environment, as certificates compare them.
+        arguments: the environment's arguments, as certificates compare them.
         scenario: the first scene.
         declared: the ranges of the plant's conditions.
-        friction: µ that the controller plans with.
-        reach: of the robot beyond its trunk's centre [m]; 0 for a point.
+        friction: µ with which the controller plans.
+        reach: distance that the body reaches beyond the trunk's centre [m]; 0 for a point.
     """
     terrain = str(arguments["terrain"])
     input_set = carried_inputs(scenario.input_set, friction)
     v_max = speed_limit(scenario, declared, terrain, input_set)
     uncertainty = uncertainty_of(declared, terrain, reach, input_set, v_max)
-    stated = records.plain({
+    compared = records.plain({
         **arguments,
         **{name: getattr(declared, name) for name in PlantConditions._fields},
         "payload_position": declared.payload_position if declared.payload[1] > 0.0 else None,
@@ -124,7 +118,7 @@ def plant_model(
         "input_set": round(braking.weakest(input_set), 9),
         "v_max": v_max,
     })  # fmt: skip
-    return PlantModel(input_set, v_max, uncertainty, stated, certificates.nearest(stated))
+    return PlantModel(input_set, v_max, uncertainty, compared, certificates.nearest(compared))
 
 
 def uncertainty_of(
@@ -132,60 +126,65 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Return how far the robot may be from its reduced-order model; see `Law`.
 
-    The body reaches so far beyond the trunk's centre [m], 0 for a point; U is what the ground
-    carries, `v_max` the strict cap on the speed [m/s].
+    Args:
+        declared: the ranges of the plant's conditions.
+        terrain: "flat" or "rough".
+        body: distance that the body reaches beyond the trunk's centre [m]; 0 for a point.
+        input_set: U, shrunk to accelerations that the ground carries.
+        v_max: the strict cap on the speed [m/s].
     """
-    fast = LAW.fast * max(0.0, v_max - V_MAX)
-    still, growing = _speed_margin(declared, terrain, input_set)
-    known = UNCERTAINTY._replace(
-        distance=UNCERTAINTY.distance + fast + max(1.0, v_max) * _unlike(declared, terrain),
+    for_speed = LAW.cap * max(0.0, v_max - V_MAX)
+    for_plant = max(1.0, v_max) * _plant_distance(declared, terrain)
+    at_rest, per_cap = _speed_margin(declared, terrain, input_set)
+    uncertainty = UNCERTAINTY._replace(
+        distance=UNCERTAINTY.distance + for_speed + for_plant,
         body=body,
-        speed=still + growing * v_max,
+        speed=at_rest + per_cap * v_max,
     )
-    check_leaves_speed("v_max", v_max, known.speed)
-    return known
+    check_leaves_speed("v_max", v_max, uncertainty.speed)
+    return uncertainty
 
 
 def carried_speed(declared: Randomization, terrain: str, input_set: InputSet) -> float:
     """Return the highest cap on the speed [m/s] that the plant carries.
 
-    It is ``FASTEST − slower w`` of `LAW`, or less where U could not stop the robot: a cap v leaves
-    the model ``√(v² − 2 v m)`` after the margin m of its row, no more than `braking.stoppable`.
+    It is the cap at which the robot still walks, ``FASTEST − cap_lowering w`` of `LAW`, or the one
+    from which U still stops it: a cap v leaves the model the speed ``√(v² − 2 v m)`` after the
+    margin ``m = m₀ + k v`` of its row, and `braking.stoppable` has to be as much.
     """
-    walked = FASTEST - LAW.slower * _unlike(declared, terrain)
-    if walked <= 0.0:
+    walkable = FASTEST - LAW.cap_lowering * _plant_distance(declared, terrain)
+    if walkable <= 0.0:
         return 0.0
-    still, growing = _speed_margin(declared, terrain, input_set)
-    steep = 1.0 - 2.0 * growing  # steep v² − 2 still v = stoppable²
+    at_rest, per_cap = _speed_margin(declared, terrain, input_set)
+    # v is the positive root of (1 − 2 k) v² − 2 m₀ v = stoppable²
+    quadratic = 1.0 - 2.0 * per_cap
     stoppable = braking.stoppable(LogClassK(), input_set)
-    stopped = (still + math.hypot(still, math.sqrt(steep) * stoppable)) / steep
-    return math.floor(1e3 * min(walked, stopped)) / 1e3
+    brakable = (at_rest + math.hypot(at_rest, math.sqrt(quadratic) * stoppable)) / quadratic
+    return math.floor(1e3 * min(walkable, brakable)) / 1e3
 
 
-def _speed_margin(
-    declared: Randomization, terrain: str, input_set: InputSet
-) -> tuple[float, float]:
-    """Return what the speed limit reserves at rest [m/s], and more for each m/s of the cap [-].
+def _speed_margin(declared: Randomization, terrain: str, input_set: InputSet) -> Pair:
+    """Return m₀ [m/s] and k [-] of the speed limit's margin m₀ + k v, with v the cap.
 
-    A torque that comes late leaves the trunk with the velocity that u changed meanwhile.
+    While a torque is delayed, u changes the model's velocity and not yet the trunk's.
     """
-    changed = _late(declared) * input_set.radius
-    return UNCERTAINTY.speed + changed, LAW.share * _unlike(declared, terrain)
+    unfollowed = _extra_delay(declared) * input_set.radius
+    return UNCERTAINTY.speed + unfollowed, LAW.speed * _plant_distance(declared, terrain)
 
 
-def _unlike(declared: Randomization, terrain: str) -> float:
+def _plant_distance(declared: Randomization, terrain: str) -> float:
     """Return w of `Law` [m], the distance of the declared plants from the nominal one."""
     return (
-        LAW.rough * (terrain != "flat")
-        + LAW.slippery * max(0.0, NOMINAL.floor_friction[0] - declared.floor_friction[0])
+        LAW.rough_ground * (terrain != "flat")
+        + LAW.friction * max(0.0, NOMINAL.floor_friction[0] - declared.floor_friction[0])
         + LAW.payload * declared.payload[1]
-        + LAW.weak * max(0.0, NOMINAL.motor_strength[0] - declared.motor_strength[0])
-        + LAW.late * _late(declared)
-        + LAW.noise * declared.sensor_noise[1]
+        + LAW.motor_strength * max(0.0, NOMINAL.motor_strength[0] - declared.motor_strength[0])
+        + LAW.delay * _extra_delay(declared)
+        + LAW.sensor_noise * declared.sensor_noise[1]
     )
 
 
-def _late(declared: Randomization) -> float:
+def _extra_delay(declared: Randomization) -> float:
     """Return how much later than on the nominal plant a torque may come [s]."""
     return max(0.0, declared.delay[1] - NOMINAL.delay[1])
 
@@ -193,7 +192,7 @@ def _late(declared: Randomization) -> float:
 def watch_bounds(
     declared: Randomization, terrain: str, estimated: bool, mass: float
 ) -> WatchBounds:
-    """Return how large the watch's signals may be on the plants that are declared.
+    """Return how large the watch's signals may be on the declared plants.
 
     A payload p and motors of strength s need the lift ``g ((1 + p / m) / s − 1)``.
 
@@ -201,22 +200,23 @@ def watch_bounds(
         declared: the ranges of the plant's conditions.
         terrain: "flat" or "rough".
         estimated: whether the trunk's velocity is an estimate.
-        mass: m of the robot [kg].
+        mass: m, the mass of the robot [kg].
     """
-    slip = SLIP + ROUGH_SLIP * (terrain == "rough") + ESTIMATED_SLIP * estimated
-    slip += NOISY_SLIP * declared.sensor_noise[1] + LATE_SLIP * _late(declared) ** 2
+    noise, extra_delay = declared.sensor_noise[1], _extra_delay(declared)
+    slip = MAX_SLIP + SLIP_ON_ROUGH_GROUND * (terrain == "rough") + SLIP_OF_ESTIMATE * estimated
+    slip += SLIP_PER_SENSOR_NOISE * noise + SLIP_PER_DELAY_SQUARED * extra_delay**2
     delay = max(declared.delay[1], NOMINAL.delay[1])
     loaded = (1.0 + declared.payload[1] / mass) / min(declared.motor_strength[0], 1.0) - 1.0
-    return WatchBounds(slip=slip, lag=LAG, lift=LIFT + GRAVITY * loaded, delay=delay)
+    return WatchBounds(slip=slip, lag=MAX_LAG, lift=MAX_LIFT + GRAVITY * loaded, delay=delay)
 
 
 def speed_limit(
     scenario: Scenario, declared: Randomization, terrain: str, input_set: InputSet
 ) -> float:
-    """Return the strict cap on the speed [m/s]: the scenario's, or with a warning what is carried.
+    """Return the scenario's cap on the speed [m/s], lowered with a warning to `carried_speed`.
 
     Raises:
-        InvalidInputError: if the scenario's is more than the A1 walks.
+        InvalidInputError: if the scenario's cap is above `FASTEST`.
     """
     cap = V_MAX if scenario.v_max is None else scenario.v_max
     if cap > FASTEST:

@@ -54,9 +54,9 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
     * `xml_file`: MJCF of another robot with the A1's joints; None for the package's own.
     * `timestep`: of the physics and the low-level controller [s]; must divide 0.02 s.
     * `gait`: "trot", "walk", or "stand" (which trots on a command or a disturbance).
-    * `friction`: µ of the contact forces that the controller plans, and to which the filter's U and
-      the robot's turns are fitted; None is three quarters of the least that `randomization`
-      lets the floor have, at most 0.6.
+    * `friction`: µ of the contact forces that the controller plans, which also bounds the filter's
+      U and the robot's turns; None is three quarters of the least friction in `randomization`, at
+      most 0.6.
     * `terrain`: "flat", or "rough" with blind steps of at most 3 cm.
     * `randomization`: plain dict of `Randomization`'s ranges: floor friction, payload, motor
       strength, delay, sensor noise, start pose. Margins grow with them, and a cap on the speed that
@@ -65,8 +65,8 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
     * `estimation`: None closes the loop on the true state; "motion-capture", "lidar", "uwb" or a
       plain dict of `hcbf_gym.estimation.Sensors`' fields gives controller, observation and safety
       filter an estimate. h, rewards, ends and costs are always the truth's.
-    * `body`: what must stay outside: "point", the trunk's centre as in the paper, or "footprint",
-      the whole robot, for which infos also have `body_h` and `min_body_h` (m,).
+    * `body`: the part that must stay outside the regions: "point", the trunk's centre as in the
+      paper, or "footprint", the whole robot; infos then also have `body_h` and `min_body_h` (m,).
     * `diagnostics`: adds `info["locomotion"]`: stance, foot targets, torques, the QP's status and
       residual.
     * `render_mode`: None, "rgb_array", or "human" (a window).
@@ -96,7 +96,7 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         simulation = A1Physics(
             xml_file,
             timestep=timestep,
-            obstacles=scenes.own.obstacles,
+            obstacles=scenes.own_scene.obstacles,
             terrain=terrain,
             randomization=randomization,
             disturbances=disturbances,
@@ -104,9 +104,9 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         footprint = footprint_of(body, simulation)
         reach = 0.0 if footprint is None else footprint.radius(simulation.home_joints)
         declared = Randomization.from_dict(randomization)
-        sensed = None if estimation is None else sensors.make(estimation)
-        derived = a1_plant.derived_friction(declared)
-        planned = derived if friction is None else check_friction(friction)
+        sensor_model = None if estimation is None else sensors.make(estimation)
+        derived_friction = a1_plant.derived_friction(declared)
+        planned = derived_friction if friction is None else check_friction(friction)
         arguments = {
             "environment": "HCBF-A1Regions-v0",
             "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
@@ -116,29 +116,29 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
             "friction": None if friction is None else round(friction, 9),
             "terrain": terrain,
             "disturbances": disturbances,
-            "estimation": sensed and asdict(sensed),
+            "estimation": sensor_model and asdict(sensor_model),
             "body": body,
         }
-        known = a1_plant.plant_model(arguments, scenes.own, declared, planned, reach)
+        plant_model = a1_plant.plant_model(arguments, scenes.own_scene, declared, planned, reach)
         controller = LocomotionController(
             simulation.robot.xml_file,
             timestep=timestep,
             friction=planned,
             gait=gait,
-            max_speed=known.v_max,
+            max_speed=plant_model.v_max,
         )
         legs, foot_radius = controller.model.legs, simulation.robot.foot_radius
-        estimator = sensed and Estimator(legs, foot_radius, sensed, timestep)
+        estimator = sensor_model and Estimator(legs, foot_radius, sensor_model, timestep)
         mass = float(controller.model.bodies.mass.sum())
         bounds = a1_plant.watch_bounds(declared, terrain, estimation is not None, mass)
         watch = Watch(legs, foot_radius, timestep, bounds)
         drive = A1Drive(simulation, controller, estimator, footprint, feedback, watch)
-        super().__init__(drive, known, scenes, terrain, render_mode)
+        super().__init__(drive, plant_model, scenes, terrain, render_mode)
         self._diagnostics = diagnostics
 
     @property
     def controller(self) -> LocomotionController:
-        """What makes the robot walk."""
+        """The controller that makes the robot walk."""
         return self.drive.controller
 
     def _info_of(self, motion: Motion) -> Info:

@@ -1,4 +1,4 @@
-"""The distance of the robot's whole body from every region."""
+"""The footprint: the distance of the robot's whole body from every region."""
 
 import mujoco
 import numpy as np
@@ -20,14 +20,17 @@ class Footprint:
         self._body = body_of(model, self._trunk)
 
     def radius(self, joints: Array) -> float:
-        """Return the radius that holds the walking robot [m]; see `body_points.radius`."""
+        """Return the radius around the trunk that contains the walking robot [m].
+
+        The joints (j,) are those of the home pose [rad]; see `body_points.radius`.
+        """
         return radius(self._model, self._model.body(self._trunk).name, joints)
 
     def h(self, data: mujoco.MjData, barriers: BarrierSet, t: float) -> Array:
         """Return the least h (m,) of each barrier over the whole body at time t [s].
 
-        ``h_body = min_p h(p) − r_p ‖∇h(p)‖``; as h is convex, it is no greater than h anywhere on
-        the ball around p. A speed limit's is infinite.
+        The body is a set of balls with centres p and radii r_p: ``min_p h(p) − r_p ‖∇h(p)‖``. As h
+        is convex, this is no greater than h anywhere on a ball. A speed limit's is infinite.
         """
         least = np.empty(barriers.kind.shape[1])
         scene = barriers.kind[0], barriers.parameters[0]
@@ -42,6 +45,6 @@ class Footprint:
 
 
 def footprint_of(body: str, simulation: Simulation) -> Footprint | None:
-    """Return what measures the distance of a body "footprint"; None for "point"."""
+    """Return the footprint of the robot for the body "footprint", and None for "point"."""
     choose("body", body, dict.fromkeys(("point", "footprint")))
     return None if body == "point" else Footprint(simulation.model, simulation.trunk)

@@ -1,4 +1,4 @@
-"""Pushes at the trunk: when, how long and how hard."""
+"""Pushes at the trunk, the same in every episode or random ones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,18 +10,17 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.records import check_mapping, from_dict
 
-MOST_PUSHES = 10_000
-"""In an episode: every tick looks through them."""
-LONGEST, STRONGEST = 1e5, 1e5
-"""Of any time in a schedule [s], and of a push along an axis [N]."""
+MAX_PUSHES = 10_000  # random pushes in an episode, through which every tick looks
+MAX_TIME = 1e5  # greatest time or duration in a schedule [s]
+MAX_FORCE = 1e5  # greatest force of a push along an axis [N]
 
 
 class Push(NamedTuple):
     """A constant force at the trunk's centre of mass."""
 
-    time: float  # of its start [s]
+    time: float  # the time of its start since the reset [s]
     duration: float  # [s]
-    force: Array  # (3,) in the world [N]
+    force: Array  # (3,) in the world's axes [N]
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class ScheduledPushes:
         self.draw(np.random.default_rng(0))
 
     def draw(self, rng: np.random.Generator) -> list[Push]:
-        """Return the pushes."""
+        """Return the pushes, without use of `rng`."""
         return [_push(entry) for entry in self.pushes]
 
 
@@ -52,10 +51,10 @@ class RandomPushes:
     """Horizontal pushes in random directions, one in every interval at a random instant.
 
     Args:
-        interval: between pushes, on average [s].
-        impulse: (low, high) drawn uniformly [N·s].
-        duration: of each push [s].
-        until: no push starts later [s].
+        interval: average time between two pushes [s].
+        impulse: (low, high) range from which each impulse is drawn uniformly [N·s].
+        duration: duration of each push [s].
+        until: latest time at which a push may start [s].
 
     Raises:
         InvalidInputError: on a number out of range.
@@ -68,16 +67,16 @@ class RandomPushes:
 
     def __post_init__(self) -> None:
         for name in ("interval", "duration", "until"):
-            finite_float(name, getattr(self, name), minimum=0.0, maximum=LONGEST, exclusive=True)
+            finite_float(name, getattr(self, name), minimum=0.0, maximum=MAX_TIME, exclusive=True)
         low, high = finite_array("impulse", self.impulse, (2,))
         if not 0.0 <= low <= high:
             raise InvalidInputError(f"impulse: got {self.impulse!r}, expected 0 <= low <= high")
-        if self.until / self.interval > MOST_PUSHES:
+        if self.until / self.interval > MAX_PUSHES:
             raise InvalidInputError(
                 f"interval: got {self.interval} s until {self.until} s, expected at most "
-                f"{MOST_PUSHES} pushes"
+                f"{MAX_PUSHES} pushes"
             )
-        finite_float("impulse / duration [N]", high / self.duration, maximum=STRONGEST)
+        finite_float("impulse / duration [N]", high / self.duration, maximum=MAX_FORCE)
 
     def draw(self, rng: np.random.Generator) -> list[Push]:
         """Draw the pushes of one episode."""
@@ -93,10 +92,8 @@ class RandomPushes:
 _KINDS = {"scheduled": ScheduledPushes, "random": RandomPushes}
 
 
-def disturbance_from_dict(
-    values: Mapping[str, object] | None,
-) -> ScheduledPushes | RandomPushes:
-    """Return what a plain dict ``{"kind": "scheduled" | "random", …}`` describes; None is calm.
+def disturbance_from_dict(values: Mapping[str, object] | None) -> ScheduledPushes | RandomPushes:
+    """Return the pushes of a plain dict ``{"kind": "scheduled" | "random", …}``; None has none.
 
     Raises:
         InvalidInputError: on an unknown kind or entry, or a number out of range.
@@ -105,13 +102,13 @@ def disturbance_from_dict(
 
 
 def _push(entry: Mapping[str, object]) -> Push:
+    """Return a push from its plain dict, with every number checked."""
     check_mapping("push", entry)
     if set(entry) != set(Push._fields):
         raise InvalidInputError(f"push: got {sorted(entry)}, expected {sorted(Push._fields)}")
+    time, duration = entry["time"], entry["duration"]
     return Push(
-        finite_float("push time", entry["time"], minimum=0.0, maximum=LONGEST),
-        finite_float(
-            "push duration", entry["duration"], minimum=0.0, maximum=LONGEST, exclusive=True
-        ),
-        finite_array("push force", entry["force"], (3,), largest=STRONGEST),
+        finite_float("push time", time, minimum=0.0, maximum=MAX_TIME),
+        finite_float("push duration", duration, minimum=0.0, maximum=MAX_TIME, exclusive=True),
+        finite_array("push force", entry["force"], (3,), largest=MAX_FORCE),
     )

@@ -22,10 +22,10 @@ class Motion(NamedTuple):
     """A robot's motion from one action to the next."""
 
     path: Array  # (k, 4) planar position [m] and velocity [m/s] of the trunk's origin, by tick
-    times: Array  # (k,) of them since the reset [s]
-    obstacle_force: Array  # (b,) the largest force with each box [N]
-    body_h: Array | None = None  # (m,) of the whole robot at the end [m]; None for a point
-    least_body_h: Array | None = None  # (m,) the least of it
+    times: Array  # (k,) the times of these ticks since the reset [s]
+    obstacle_force: Array  # (b,) the largest contact force with each box [N]
+    body_h: Array | None = None  # (m,) h of the whole robot at the end [m]; None for a point
+    least_body_h: Array | None = None  # (m,) h of the whole robot at its least [m]
 
 
 class Drive(ABC, Generic[S]):
@@ -34,29 +34,31 @@ class Drive(ABC, Generic[S]):
     Args:
         simulation: the scene with the robot in it.
         footprint: measures the whole robot's distance to the regions; None for a point.
-        look_ahead: distance of the point that follows the model before the trunk's origin [m].
+        look_ahead: distance from the trunk's origin, forwards, to the point that follows the
+            reduced-order model [m].
 
     Attributes:
-        truth: (4,) position [m] and velocity [m/s] of that point.
-        origin: (4,) of the trunk's origin, which must stay outside.
+        truth: (4,) position [m] and velocity [m/s] of the point that follows the model.
+        origin: (4,) the same of the trunk's origin, which must stay outside the regions.
     """
 
     def __init__(self, simulation: S, footprint: Footprint | None, look_ahead: float):
         self.simulation, self._footprint, self._look_ahead = simulation, footprint, look_ahead
         self._timestep = float(simulation.model.opt.timestep)
-        count = round(task.CONTROL_DT / self._timestep)
-        if count < 1 or abs(count * self._timestep - task.CONTROL_DT) > 1e-9:
+        ticks = round(task.CONTROL_DT / self._timestep)
+        if ticks < 1 or abs(ticks * self._timestep - task.CONTROL_DT) > 1e-9:
             raise InvalidInputError(
                 f"timestep: got {self._timestep} s, expected one that divides {task.CONTROL_DT} s"
             )
-        self._ticks: Array = np.arange(1, count + 1) * np.float64(self._timestep)
-        self._base: Array = np.empty((count, BASE_SIZE))  # the trunk after each tick
-        self._rows = list(self._base)
-        self._began = 0.0  # when the control step began [s]
+        # time from the control step's beginning to the end of each tick [s]
+        self._tick_times: Array = np.arange(1, ticks + 1) * np.float64(self._timestep)
+        self._base: Array = np.empty((ticks, BASE_SIZE))  # the trunk after each tick
+        self._base_rows = list(self._base)
+        self._began = 0.0  # the time at which the control step began [s]
         self.rest(np.zeros(2))
 
     def rest(self, position: Array) -> None:
-        """Be at rest at a position (2,) [m]."""
+        """Set `truth` and `origin` to rest at a position (2,) [m]."""
         self.truth: Array = np.array([*position, 0.0, 0.0])
         self.origin: Array = self.truth
 
@@ -65,14 +67,14 @@ class Drive(ABC, Generic[S]):
     ) -> Motion:
         """Put the point that follows the model at rest at a position (2,) [m], heading yaw [rad].
 
-        The body's distance is measured from the barriers; `rng` decides what is random.
+        The motion has the body's distance from the barriers. `rng` draws the plant and its noise.
         """
         ahead = self._look_ahead * np.array([math.cos(yaw), math.sin(yaw)])
         self.simulation.reset(position - ahead, yaw, rng)
         self.rest(position)
         self._begin(rng)
-        self.simulation.base(self._rows[0])
-        path = self._walked(self._base[:1])
+        self.simulation.base(self._base_rows[0])
+        path = self._record_path(self._base[:1])
         body = self._body_h(barriers, 0.0)
         forces = np.zeros(len(self.simulation.obstacle_forces()))
         return Motion(path, np.zeros(1), forces, body, body)
@@ -83,7 +85,7 @@ class Drive(ABC, Generic[S]):
 
     @abstractmethod
     def estimate(self, time: float) -> Estimate:
-        """Return what is known of the robot at a time since the reset [s]."""
+        """Return the state on which the loop is closed, at a time since the reset [s]."""
 
     @abstractmethod
     def _begin(self, rng: np.random.Generator) -> None:
@@ -95,30 +97,30 @@ class Drive(ABC, Generic[S]):
 
     def _run(self, barriers: BarrierSet, time: float) -> Motion:
         """Run the ticks of one control step that begins at a time [s]."""
-        simulation, body_heights, count = self.simulation, [], 0
+        simulation, body_h, ticks = self.simulation, [], 0
         self._began = time
         force = np.zeros(len(simulation.obstacle_forces()))
         has_obstacles, has_body = len(force) > 0, self._footprint is not None
-        for row in self._rows:
-            if not self._tick(count):
-                break  # the state is no longer finite, and the last one that is holds
-            simulation.base(row)
+        for tick, base in enumerate(self._base_rows):
+            if not self._tick(tick):
+                break  # the state is no longer finite: the step ends with the last finite one
+            simulation.base(base)
             if has_body:
-                body_heights.append(self._body_h(barriers, time + self._ticks[count]))
+                body_h.append(self._body_h(barriers, time + self._tick_times[tick]))
             if has_obstacles:
                 force = np.maximum(force, simulation.obstacle_forces())
-            count += 1
-        path = self._walked(self._base[:count])
-        times = time + self._ticks[: len(path)]
+            ticks += 1
+        path = self._record_path(self._base[:ticks])
+        times = time + self._tick_times[: len(path)]
         if not has_body:
             return Motion(path, times, force)
-        body_heights = body_heights[: len(path)] or [self._body_h(barriers, time)]
-        return Motion(path, times, force, body_heights[-1], np.minimum.reduce(body_heights))
+        body_h = body_h[: len(path)] or [self._body_h(barriers, time)]
+        return Motion(path, times, force, body_h[-1], np.minimum.reduce(body_h))
 
-    def _walked(self, base: Array) -> Array:
+    def _record_path(self, base: Array) -> Array:
         """Return the path (k, 4) of the trunk's origin; update `origin` and `truth` by its end."""
         path = tracked(base, 0.0)
-        if len(path) == 0:  # the last finite state holds
+        if len(path) == 0:  # no tick ended in a finite state
             return self.origin[None]
         self.origin = path[-1]
         self.truth = path[-1]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.envs import task
-from hcbf_gym.envs.plants import SingleRegions, exact
+from hcbf_gym.envs import checks, task
+from hcbf_gym.envs.plants import SingleRegions, exact_model
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.models.plant import Estimate
@@ -19,8 +19,7 @@ from hcbf_gym.scenarios import Scenario, ScenarioLike
 if TYPE_CHECKING:
     from hcbf_gym.drawing.top_down import TopDownView
 
-PATH_POINTS = 3000
-"""How many of the last positions a picture shows; an episode without end forgets the others."""
+PATH_POINTS = 3000  # last positions that a picture shows, which bounds the memory of a path
 
 
 class RegionsEnv(SingleRegions):
@@ -29,8 +28,8 @@ class RegionsEnv(SingleRegions):
     ## Description
     A double integrator ``p̈ = u`` in the plane follows a reference (task "track") or runs to a goal
     (task "reach") among regions that it should not enter. The regions carry priorities: 1 is
-    strict, higher numbers may be entered as far as the lower ones leave no other way. Nothing in
-    the environment enforces that: wrap it in `hcbf_gym.wrappers.SafetyFilter`.
+    strict, regions of higher numbers may be entered as far as the lower ones leave no other choice.
+    Nothing in the environment enforces that: wrap it in `hcbf_gym.wrappers.SafetyFilter`.
 
     ## Action Space
     `Box(low, high, (2,), float32)`, the acceleration u [m/s²] held for 0.02 s; ±5 m/s² in the
@@ -69,9 +68,9 @@ class RegionsEnv(SingleRegions):
     ## Infos
     `h` (m,) at the step's end, `min_h` (m,) the least over its ten substeps, `violation` (m,)
     max(0, −h), `cost` 1 where a condition of rank 1 was below zero in the step, else 0, `costs`
-    (R,) how deep it was in each rank [m], 0 where a rank is absent; R is the last rank of the
-    scene at construction. `tracking_error` ‖p_ref − p‖ [m], `is_success` (1 where the robot
-    stands within `goal_radius` of the goal and the reference has ended), and the reward's terms. A
+    (R,) the greatest depth in each rank [m], 0 where a rank is absent; R is the last rank of the
+    scene at construction. `tracking_error` ‖p_ref − p‖ [m], `is_success` (1 where the robot is
+    within `goal_radius` of the goal and the reference has ended), and the reward's terms. A
     speed limit that the scenario sets comes after its own barriers. A reset reports the same, with
     `is_success` and the terms zero.
 
@@ -90,7 +89,7 @@ class RegionsEnv(SingleRegions):
         render_mode: str | None = None,
     ):
         scenes = SceneSource(scenario, intentions)
-        self._declare(exact(scenes), scenes, render_mode)
+        self._declare(exact_model(scenes), scenes, render_mode)
         self._batch = RegionsBatch([self.scenario], scenes.hooks)
         self.action_space = task.action_space(self.scenario.input_set)
         self.observation_space = task.observation_space(self._batch.look()[0])
@@ -105,7 +104,7 @@ class RegionsEnv(SingleRegions):
 
     @property
     def estimate(self) -> Estimate:
-        """The state, which is known exactly."""
+        """The robot's state and time, which this environment knows exactly."""
         batch = self._batch
         return Estimate(batch.x[0].copy(), batch.steps[0] * task.CONTROL_DT)
 
@@ -116,7 +115,7 @@ class RegionsEnv(SingleRegions):
 
     @property
     def time(self) -> float:
-        """Time since the reset [s]."""
+        """The time since the reset [s]."""
         return float(self._batch.time[0])
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
@@ -125,12 +124,12 @@ class RegionsEnv(SingleRegions):
         Raises:
             InvalidInputError: if the action is no pair of finite numbers, or there was no reset.
         """
-        u = task.check_action(action, (2,))
-        task.check_started(self._started)
-        step = self._batch.step(u[None], between=self._redraw_intentions)
+        u = checks.check_action(action, (2,))
+        checks.check_started(self._started)
+        step = self._batch.step(u[None], change_scenes=self._redraw_intentions)
         self._path.append(self.rom_state[:2])
-        ended, info = bool(step.reached[0]), task.first(step.info)
-        return step.observation[0], float(step.reward[0]), ended, False, info
+        reward, terminated = float(step.reward[0]), bool(step.reached[0])
+        return step.observation[0], reward, terminated, False, task.without_batch_axis(step.info)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return an (h, w, 3) top-down picture, or None without a render mode."""
@@ -149,9 +148,9 @@ class RegionsEnv(SingleRegions):
         self._batch.set_scene(0, scenario)
 
     def _redraw_intentions(self) -> None:
-        """Let hidden intentions change the scene."""
-        scene = self._scenes.scene
-        if self._scenes.redrawn(scene, self.time, self.np_random):
+        """Let the family redraw the regions' velocities, where intentions are hidden."""
+        scene = self._scenes.drawn_scene
+        if self._scenes.redraw_velocities(scene, self.time, self.np_random):
             assert scene is not None
             self.scenario = self._scenes.scenario(scene)
             self._batch.set_drawn(0, scene)
@@ -161,4 +160,4 @@ class RegionsEnv(SingleRegions):
         self._path.clear()
         self._path.append(self.rom_state[:2])
         observation, info = self._batch.reset_infos()
-        return observation[0], task.first(info)
+        return observation[0], task.without_batch_axis(info)

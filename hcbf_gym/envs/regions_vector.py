@@ -13,20 +13,19 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.envs import checks, task
 from hcbf_gym.envs import infos as vector_infos
-from hcbf_gym.envs import task
-from hcbf_gym.envs.plants import RankedRegions, exact
+from hcbf_gym.envs.plants import RankedRegions, exact_model
 from hcbf_gym.envs.regions_batch import RegionsBatch
 from hcbf_gym.envs.scene_source import SceneSource
-from hcbf_gym.errors import InvalidInputError, as_array, count
+from hcbf_gym.errors import InvalidInputError, count
 from hcbf_gym.models.plant import Estimate
 from hcbf_gym.scenarios import Scenario, ScenarioLike, Scene
 
 if TYPE_CHECKING:
     from hcbf_gym.drawing.top_down import TopDownView
 
-FRAME = 240
-"""Side of the picture of one environment [pixels]."""
+PICTURE_SIDE = 240  # of each environment [pixels]
 
 
 class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] - spec, see there
@@ -41,7 +40,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         num_envs: N.
         scenario: as `RegionsEnv` takes it.
         intentions: as `RegionsEnv` takes them.
-        max_episode_steps: after which an episode is truncated; -1 for never.
+        max_episode_steps: control steps after which an episode is truncated; -1 for never.
         autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled".
         render_mode: None, or "rgb_array": a picture of each environment.
 
@@ -64,18 +63,18 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self.autoreset_mode = vector_infos.mode_of(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.num_envs, self.max_episode_steps = num_envs, max_episode_steps
-        source = SceneSource(scenario, intentions)
-        self._declare(exact(source, num_envs), source, render_mode)
+        scenes = SceneSource(scenario, intentions)
+        self._declare(exact_model(scenes, num_envs), scenes, render_mode)
         self._family = [self._family] * num_envs
         self._limit = np.inf if max_episode_steps == -1 else max_episode_steps
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._current: list[Scene | Scenario] = [self.scenario] * num_envs
-        self._batch = RegionsBatch(
-            [self.scenario] * num_envs, source.hooks, own_references=source.drawn is not None
-        )
-        self._is_given = np.zeros(num_envs, dtype=np.bool_)  # whose scene is of a reset's options
+        is_random = scenes.random_family is not None
+        self._batch = RegionsBatch([self.scenario] * num_envs, scenes.hooks, is_random)
+        self._has_given_scene = np.zeros(num_envs, dtype=np.bool_)  # a scene from reset's options
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self._trace: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)  # (N, 2) each [m]
+        # the positions (N, 2) [m] after each step; of an endless episode (-1) all are kept
+        self._positions: deque[Array] = deque(maxlen=max_episode_steps + 1 or None)
         self.single_action_space = task.action_space(self.scenario.input_set)
         self.single_observation_space = task.observation_space(self._batch.look()[0])
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -93,12 +92,12 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
 
     @property
     def estimate(self) -> Estimate:
-        """The N states, which are known exactly."""
+        """The N states and times, which this environment knows exactly."""
         return Estimate(self.rom_state, self.time)
 
     @property
     def goal(self) -> Array:
-        """(N, 2) where the references end [m]."""
+        """(N, 2) the points where the references end [m]."""
         return self._batch.goal
 
     @property
@@ -108,11 +107,11 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
 
     @property
     def time(self) -> Array:
-        """(N,) since each environment's reset [s]."""
+        """(N,) the time since each environment's reset [s]."""
         return self._batch.time
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """Return what each single environment's attribute would be, as Gymnasium's own do."""
+        """Return the value that the attribute has in each single environment, as a tuple of N."""
         if name == "scenario":
             return tuple(self.scenes)
         value = getattr(self, name)
@@ -127,27 +126,30 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         """Start new episodes in all environments, or in those of ``options["reset_mask"]``.
 
         Args:
-            seed: of environment 0, the others follow; or one for each.
-            options: "reset_mask" (N,), and what `RegionsEnv.reset` takes.
+            seed: the seed of environment 0, from which the others count up; or N seeds.
+            options: "reset_mask" (N,), and the options of `RegionsEnv.reset`.
 
         Raises:
             InvalidInputError: if an option is unknown or malformed, or the seeds are not N.
         """
-        given = dict(options or {})
-        mask = self._check_mask(given.pop("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
-        given = self._scenes.check(given)
-        self._seed(seed)
-        self._draw_scenes(mask, given)
+        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        scene_options = dict(options or {})
+        mask = checks.check_mask(scene_options.pop("reset_mask", everyone), self.num_envs)
+        self._scenes.check(scene_options)
+        for i, env_seed in enumerate(checks.check_seeds(seed, self.num_envs)):
+            if env_seed is not None:
+                self._rngs[i], _ = seeding.np_random(env_seed)
+        self._draw_scenes(mask, scene_options)
         self._batch.restart(mask)
         self._ended[mask] = False
         self._started = True
         if mask.all():
-            self._trace.clear()
-        elif self._trace:
-            self._trace.pop()
+            self._positions.clear()
+        elif self._positions:
+            self._positions.pop()
         self._record_positions()
         observation, info = self._batch.reset_infos()
-        return observation, vector_infos.only(self._report(info), mask)
+        return observation, vector_infos.only_masked(self._report(info), mask)
 
     def step(self, actions: Array) -> tuple[Array, Array, Mask, Mask, Info]:
         """Hold the accelerations (N, 2) [m/s²] for one control step.
@@ -156,12 +158,12 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             InvalidInputError: if the actions are not N pairs of finite numbers, or before the first
                 reset.
         """
-        u = task.check_action(actions, (self.num_envs, 2))
-        task.check_started(self._started)
+        u = checks.check_action(actions, (self.num_envs, 2))
+        checks.check_started(self._started)
         restarting = self._ended.copy() if self.autoreset_mode is AutoresetMode.NEXT_STEP else None
         if restarting is not None and restarting.any():
             self._draw_scenes(restarting, {})
-        step = self._batch.step(u, restarting, between=self._redraw_intentions)
+        step = self._batch.step(u, restarting, change_scenes=self._redraw_intentions)
         observation, reward, terminated, info = step
         truncated = self._batch.steps >= self._limit
         self._ended = terminated | truncated
@@ -171,7 +173,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
             self._draw_scenes(done, {})
             self._batch.restart(done)
             observation, fresh = self._batch.reset_infos()
-            vector_infos.start_over(infos, done, step.observation, fresh)
+            vector_infos.move_to_final(infos, done, step.observation, fresh)
         self._record_positions()
         return observation, reward, terminated, truncated, infos
 
@@ -182,66 +184,66 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         """
         if self.render_mode is None:
             return None
-        trace = np.array(self._trace)
+        positions, time, steps = np.array(self._positions), self.time, self._batch.steps
         return tuple(
-            self._view.draw(scene, float(t), trace[-1 - steps :, i])
-            for i, (scene, t, steps) in enumerate(
-                zip(self.scenes, self.time, self._batch.steps, strict=True)
-            )
+            self._view.draw(scene, float(time[i]), positions[-1 - steps[i] :, i])
+            for i, scene in enumerate(self.scenes)
         )
 
     @cached_property
     def _view(self) -> "TopDownView":
         from hcbf_gym.drawing.top_down import TopDownView  # matplotlib, only for pictures
 
-        return TopDownView(FRAME)
+        return TopDownView(PICTURE_SIDE)
 
     def _record_positions(self) -> None:
         """Record the positions, of which a picture shows the last ``steps + 1``."""
         if self.render_mode is not None:
-            self._trace.append(self._batch.x[:, :2].copy())
+            self._positions.append(self._batch.x[:, :2].copy())
 
-    def _check_mask(self, mask: object) -> Mask:
-        mask = as_array("reset_mask", mask)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-            raise InvalidInputError(
-                f"reset_mask: got shape {mask.shape} of {mask.dtype}, "
-                f"expected ({self.num_envs},) of bool with a True"
-            )
-        return mask
+    def _draw_scenes(self, mask: Mask, options: Mapping[str, object]) -> None:
+        """Put the scene of a reset's options, or the next own ones, into environments (N,)."""
+        family = self._scenes.family_name(options)
+        self._family = [family if mask[i] else old for i, old in enumerate(self._family)]
+        indices = np.flatnonzero(mask).tolist()
+        if options:
+            self._put_given_scenes(indices, options)
+        else:
+            self._put_own_scenes(indices)
 
-    def _seed(self, seed: int | Sequence[int | None] | None) -> None:
-        for i, env_seed in enumerate(task.check_seeds(seed, self.num_envs)):
-            if env_seed is not None:
-                self._rngs[i], _ = seeding.np_random(env_seed)
-
-    def _draw_scenes(self, mask: Mask, given: Mapping[str, object]) -> None:
-        """Put the next scenes into the masked environments (N,): those given, or their own."""
-        source = self._scenes
-        family = source.family(given)
-        self._family = [
-            family if is_next else known for is_next, known in zip(mask, self._family, strict=True)
-        ]
-        if given and source.drawn is None and not self._is_given.any():
+    def _put_given_scenes(self, indices: list[int], options: Mapping[str, object]) -> None:
+        """Put the scene of a reset's options into some environments."""
+        if self._scenes.random_family is None and not self._has_given_scene.any():
             self._batch.separate()  # from now on references differ
-        for i in map(int, np.flatnonzero(mask & (self._is_given | bool(given)))):
-            scene = source.next(self._rngs[i], given) if given else self.scenario
-            self._current[i], self._is_given[i] = scene, bool(given)
+        for i in indices:
+            self._current[i] = scene = self._scenes.next(self._rngs[i], options)
             self._batch.set_scene(i, scene)
-        if source.drawn is not None and not given:
-            indices = list(map(int, np.flatnonzero(mask)))
-            scenes = source.drawn.drawn([self._rngs[i] for i in indices])
+        self._has_given_scene[indices] = True
+
+    def _put_own_scenes(self, indices: list[int]) -> None:
+        """Put the environment's own scene, or new ones of its family, into some environments."""
+        for i in indices:
+            if self._has_given_scene[i]:  # a given scene may have another reference and goal radius
+                self._current[i] = self.scenario
+                self._batch.set_scene(i, self.scenario)
+        self._has_given_scene[indices] = False
+        family = self._scenes.random_family
+        if family is not None:
+            scenes = family.drawn([self._rngs[i] for i in indices])
             for k, i in enumerate(indices):
-                self._current[i] = drawn = scenes.one(k)
-                self._batch.set_drawn(i, drawn)
+                self._current[i] = scene = scenes.one(k)
+                self._batch.set_drawn(i, scene)
 
     def _redraw_intentions(self) -> None:
-        """Let hidden intentions change the scenes of those whose episodes do not begin."""
-        for i, t in enumerate(self.time.tolist() if self._scenes.hidden else ()):
+        """Let the family redraw hidden velocities, except where an episode has just begun."""
+        if not self._scenes.hidden:
+            return
+        for i, t in enumerate(self.time.tolist()):
             scene = self._current[i]
-            if t > 0.0 and self._scenes.redrawn(scene, t, self._rngs[i]):
+            if t > 0.0 and self._scenes.redraw_velocities(scene, t, self._rngs[i]):
                 assert isinstance(scene, Scene)
                 self._batch.set_drawn(i, scene)
 
     def _report(self, info: dict[str, Array]) -> Info:
+        """Return the infos with masks in which all environments report."""
         return vector_infos.with_masks(info, np.ones(self.num_envs, dtype=np.bool_))

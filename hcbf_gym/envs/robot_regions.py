@@ -12,7 +12,7 @@ from hcbf_gym.arrays import Array, Info
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.drawing.rendering import OffscreenRenderer, WindowRenderer
 from hcbf_gym.drawing.scene_artist import SceneArtist
-from hcbf_gym.envs import task
+from hcbf_gym.envs import checks, task
 from hcbf_gym.envs.drive import Drive, Motion
 from hcbf_gym.envs.plants import PlantModel, SingleRegions
 from hcbf_gym.envs.scene import ROUGH_STEP
@@ -29,13 +29,13 @@ D = TypeVar("D", bound=Drive)
 class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
     """A simulated robot in the ranked regions; subclasses define the robot and how it moves.
 
-    `SingleRegions` draws each episode's `scenario`, whose `barriers` and `goal` it has, and calls
-    `_set_scene` and `_restart`. A subclass extends `_info_of` and `_stopped`.
+    `SingleRegions` draws each episode's `scenario` and calls `_set_scene` and `_restart`.
+    Subclasses extend `_info_of` and `_stopped`.
 
     Args:
         drive: the robot in its first scene, with its controller.
-        known: the model of the robot that a filter assumes.
-        scenes: where each episode's scene comes from.
+        plant_model: the model of the robot that a filter assumes.
+        scenes: the source of each episode's scene.
         terrain: "flat" or "rough".
         render_mode: None, "rgb_array", or "human".
     """
@@ -45,13 +45,13 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
     def __init__(
         self,
         drive: D,
-        known: PlantModel,
+        plant_model: PlantModel,
         scenes: SceneSource,
         terrain: str,
         render_mode: str | None,
     ):
-        self._declare(known, scenes, render_mode)
-        scenario = scenes.own
+        self._declare(plant_model, scenes, render_mode)
+        scenario = scenes.own_scene
         corners = scenario.input_set.vertices()
         self._u_min, self._u_max = corners.min(axis=0), corners.max(axis=0)
         self._hooks = scenes.hooks
@@ -88,7 +88,7 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
 
     @property
     def estimate(self) -> Estimate:
-        """What is known of the robot: the state on which the loop is closed."""
+        """The estimate of the robot's state, on which the loop is closed."""
         return self._estimate
 
     @property
@@ -98,7 +98,7 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
 
     @property
     def time(self) -> float:
-        """Time since the reset [s]."""
+        """The time since the reset [s]."""
         return task.CONTROL_DT * self._steps
 
     def _restart(self) -> tuple[Array, Info]:
@@ -110,31 +110,31 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         self._distance = self._distance_to(self._reference())
         self._estimate, self._fallen = self.drive.estimate(0.0), self.simulation.fallen
         error = np.array([self._distance])
-        infos = task.reset_info(
+        batch_info = task.reset_info(
             self.scenario.task, h, self.barrier_set, self._ranks, error, self._hooks
         )
-        info = self._with_robot(task.first(infos), motion)
+        info = self._with_robot(task.without_batch_axis(batch_info), motion)
         if self._hooks.costs is not None:
-            costs = self._hooks.costs(self._moment(self._estimate.x, h[0], np.zeros(2)))
-            info["costs"] = task.answer("costs", costs, 1, 2)[0]
+            moment = self._moment(self._estimate.x, h[0], np.zeros(2))
+            info["costs"] = task.own_costs(self._hooks.costs, moment)[0]
         return self._observe(), info
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold the trunk's acceleration u (2,) [m/s²] for one control step."""
-        u = np.minimum(np.maximum(task.check_action(action, (2,)), self._u_min), self._u_max)
-        task.check_started(self._started)
+        u = np.minimum(np.maximum(checks.check_action(action, (2,)), self._u_min), self._u_max)
+        checks.check_started(self._started)
         x_before, distance_before = self._estimate.x, self._distance
         motion = self._advance(u)
         success = self._has_succeeded()
         distances, reference = (distance_before, self._distance), self._reference()
-        observation, reward, info = self._tally.count(
+        observation, reward, info = self._tally.result(
             self.barrier_set, motion, self._estimate, reference, u, distances, success
         )
         info = self._with_robot(info, motion)
         if self._hooks.observe is not None:
             observation = self._observe()
         if self._hooks.sees_steps:
-            reward = self._judge(info, self._moment(x_before, info["min_h"], u))
+            reward = self._apply_hooks(info, self._moment(x_before, info["min_h"], u))
         if self.render_mode == "human":
             self.render()
         terminated = self._stopped() or (success and self.scenario.task == "reach")
@@ -160,12 +160,13 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            kind = OffscreenRenderer if self.render_mode == "rgb_array" else WindowRenderer
-            self._renderer = kind(self.model, self.data)
+            is_offscreen = self.render_mode == "rgb_array"
+            renderer_class = OffscreenRenderer if is_offscreen else WindowRenderer
+            self._renderer = renderer_class(self.model, self.data)
         return self._renderer.draw(self.artist, self.scenario, self.time)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the arguments; after the first reset a copy would be in another episode."""
+        """Return the arguments, from which a copy is made; refuse after the first reset."""
         if self._started:
             raise InvalidInputError(
                 f"copy: an environment {self.time:.2f} s into an episode cannot be copied, only "
@@ -196,29 +197,29 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         return self._references[min(self._steps, len(self._references) - 1)]
 
     def _distance_to(self, reference: Array) -> float:
-        """Return how far the point that follows the model is from a reference (6,) [m]."""
+        """Return the distance from a reference (6,) to the point that follows the model [m]."""
         return math.dist(reference[:2].tolist(), self.drive.truth[:2].tolist())
 
     def _observe(self) -> Array:
-        """Return what a policy sees now: (8 + 4 m,), or a family's own observation."""
+        """Return the observation now: (8 + 4 m,), or that of the family's hook."""
         x, reference, sensed = self._estimate.x[None], self._reference()[None], self._sensed()
         return task.observe(self._hooks, x, reference, sensed)[0]
 
     def _sensed(self) -> Array:
-        """Return (1, m, 4) what a policy sees of the scene's conditions."""
+        """Return (1, m, 4) h, its unit gradient and ∂h/∂t of the scene's conditions."""
         _, sensed = self.barrier_set.sense(self._estimate.x[None], np.array([self.time]))
         return sensed[:, : len(self.scenario.conditions)]
 
     def _moment(self, x_before: Array, min_h: Array, u: Array) -> Moment:
-        """Return what a family's hooks see of a step, or of a reset."""
+        """Return the argument of a family's hooks for a step, or for a reset."""
         x, reference = self._estimate.x[None], self._reference()[None]
         return Moment(x_before[None], x, reference, self._sensed(), min_h[None], u[None])
 
-    def _judge(self, info: Info, moment: Moment) -> float:
-        """Replace reward and costs in the infos by a family's own ones; return the reward."""
+    def _apply_hooks(self, info: Info, moment: Moment) -> float:
+        """Replace the reward's terms and the costs in the infos; return the reward."""
         terms = {name: np.array([info.pop(name)]) for name in task.REWARD_TERMS[self.scenario.task]}
-        terms, costs = task.judged(self._hooks, moment, terms, info["costs"][None])
-        info |= task.first(terms)
+        terms, costs = task.replaced_by_hooks(self._hooks, moment, terms, info["costs"][None])
+        info |= task.without_batch_axis(terms)
         info["costs"] = costs[0]
         return float(sum(term[0] for term in terms.values()))
 
@@ -235,11 +236,11 @@ class RobotRegionsEnv(SingleRegions, EzPickle, Generic[D]):
         return info
 
     def _stopped(self) -> bool:
-        """Return whether the robot has to stop the episode."""
+        """Return whether the robot ends the episode, because it has fallen."""
         return self._fallen
 
     def _info_of(self, motion: Motion) -> Info:
-        """Return the infos of this kind of robot."""
+        """Return the infos that this kind of robot adds."""
         return {"fallen": np.float64(self._fallen), "obstacle_force": motion.obstacle_force}
 
 

@@ -1,4 +1,4 @@
-"""The scene as an MjSpec: the robot, the ground under it and boxes in its way."""
+"""The parts of a MuJoCo scene: robot, physics, ground, boxes and payload, added to an MjSpec."""
 
 from collections.abc import Sequence
 
@@ -14,15 +14,15 @@ from hcbf_gym.scenarios import BoxObstacle
 
 FIXED_BOX_RGBA = palette.rgba(palette.FIXED_BOX)
 LIGHT_BOX_RGBA = palette.rgba(palette.LIGHT_BOX)
-TILE = 0.5  # [m] edge of a square of the floor
+TILE = 0.5  # edge of a square of the floor's pattern [m]
 
 FLOOR = "floor"
 _NET_FORCE = 3  # a contact sensor's reduction: the contacts' sum, in the world's axes
 
-ROUGH_STEP = 0.03  # [m] the highest step
-ROUGH_BLOCK = 0.25  # [m] edge of a block of one height
-ROUGH_CELL = 0.05  # [m] over which one block rises to the next
-ROUGH_HALF_SIZE = 20.0  # [m] of the field, centred at the origin, within walls
+ROUGH_STEP = 0.03  # the highest step of rough ground [m]
+ROUGH_BLOCK = 0.25  # edge of a block of one height [m]
+ROUGH_CELL = 0.05  # distance over which one block rises to the next [m]
+ROUGH_HALF_SIZE = 20.0  # half the edge of the field, centred at the origin, within walls [m]
 WALL_HEIGHT = 0.5  # [m]
 
 PAYLOAD = "payload"
@@ -32,7 +32,8 @@ PAYLOAD_HALF_SIZE = (0.06, 0.05, 0.04)  # [m]
 def robot_spec(robot: Quadruped) -> mujoco.MjSpec:
     """Return the robot alone, with torque motors, and feet with names and contact sensors."""
     spec = load_spec(robot.xml_file)
-    for element in (*spec.actuators, *spec.keys, *spec.sensors):  # keys would not fit the scene
+    # key frames would not fit the scene's number of joints
+    for element in (*spec.actuators, *spec.keys, *spec.sensors):
         spec.delete(element)
     for name, limit in zip(a1.JOINTS, robot.stall_torque.tolist(), strict=True):
         motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -74,16 +75,19 @@ def set_physics(spec: mujoco.MjSpec, timestep: float) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND  # one robot is one island
 
 
-def add_ground(spec: mujoco.MjSpec, terrain: str, decides: bool) -> None:
+def add_ground(spec: mujoco.MjSpec, terrain: str, floor_decides: bool) -> None:
     """Add the ground and its light.
 
-    The terrain is "flat" without end, or "rough": always the same blocks of random height up to
-    `ROUGH_STEP`, between four walls. If the floor `decides`, contacts have its friction alone.
+    Args:
+        spec: the scene.
+        terrain: "flat", a plane without end, or "rough", always the same blocks of random height up
+            to `ROUGH_STEP`, between four walls.
+        floor_decides: whether contacts have the floor's friction alone.
     """
     add = choose("terrain", terrain, {"flat": _add_plane, "rough": _add_rough_field})
     _add_floor_material(spec)
     add(spec)
-    if decides:
+    if floor_decides:
         floor = spec.geom(FLOOR)
         floor.priority, floor.condim = 1, 3
     spec.worldbody.add_light(
@@ -105,19 +109,19 @@ def _add_floor_material(spec: mujoco.MjSpec) -> None:
         width=64,
         height=64,
     )
-    material = spec.add_material(
-        name=FLOOR, texuniform=True, texrepeat=(1 / TILE, 1 / TILE), specular=0.0
-    )
+    repeat = (1 / TILE, 1 / TILE)
+    material = spec.add_material(name=FLOOR, texuniform=True, texrepeat=repeat, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
 
 
 def _add_plane(spec: mujoco.MjSpec) -> None:
-    spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 0.05), material=FLOOR
-    )
+    """Add a plane without end."""
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(name=FLOOR, type=plane, size=(0, 0, 0.05), material=FLOOR)
 
 
 def _add_rough_field(spec: mujoco.MjSpec) -> None:
+    """Add a field of blocks of random height, and four walls around it."""
     cells = round(ROUGH_BLOCK / ROUGH_CELL)
     blocks = round(2 * ROUGH_HALF_SIZE / ROUGH_BLOCK)
     heights = np.random.default_rng(0).random((blocks, blocks))
@@ -129,9 +133,8 @@ def _add_rough_field(spec: mujoco.MjSpec) -> None:
         size=(ROUGH_HALF_SIZE, ROUGH_HALF_SIZE, ROUGH_STEP, 0.1),
         userdata=field.ravel(),
     )
-    spec.worldbody.add_geom(
-        name=FLOOR, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=FLOOR, material=FLOOR
-    )
+    hfield = mujoco.mjtGeom.mjGEOM_HFIELD
+    spec.worldbody.add_geom(name=FLOOR, type=hfield, hfieldname=FLOOR, material=FLOOR)
     far, half = ROUGH_HALF_SIZE, 0.5 * WALL_HEIGHT
     for x, y in ((far, 0.0), (-far, 0.0), (0.0, far), (0.0, -far)):
         spec.worldbody.add_geom(
@@ -175,7 +178,7 @@ def add_boxes(spec: mujoco.MjSpec, boxes: Sequence[BoxObstacle]) -> None:
 
 
 def add_payload(spec: mujoco.MjSpec, position: Sequence[float], trunk: str) -> None:
-    """Strap a box to the trunk at `position` (3,) in its axes [m]; its mass is set at reset."""
+    """Fix a box to the trunk at `position` (3,) in its axes [m]; each reset sets its mass."""
     body = spec.body(trunk).add_body(name=PAYLOAD, pos=position)
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,

@@ -1,4 +1,4 @@
-"""The scene of an environment's next episode."""
+"""The source of the scenes in which an environment's episodes take place."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,24 +9,23 @@ import numpy as np
 from hcbf_gym import records, scenarios
 from hcbf_gym.errors import InvalidInputError, check_options, choose, shown
 from hcbf_gym.scenarios import Hooks, Scenario, ScenarioLike, Scene
-from hcbf_gym.scenarios.family import NO_HOOKS
+from hcbf_gym.scenarios.hooks import NO_HOOKS
 from hcbf_gym.scenarios.scene import HALF_PLANE, SHAPE, X, Y
 
-OPTIONS = ("scenario", "start")
-"""The keys of ``reset(options=…)``: another scene, and where to start in it, for one episode."""
+OPTIONS = ("scenario", "start")  # keys of ``reset(options=…)``, for one episode
 
 
 class SceneSource:
-    """An environment's own scene, a random one for each episode, or that of a reset's options.
+    """Chooses each episode's scene: the own one, a random one, or the one of a reset's options.
 
     Args:
         source: the environment's argument `scenario`.
         intentions: "known", or "hidden" where the family redraws velocities within an episode.
 
     Attributes:
-        own: the scene that fixes task, inputs, boxes and number of barriers for good.
-        drawn: the family of the episodes' scenes; None for always the same scene.
-        scene: the one that `next` drew last; None where options gave it.
+        own_scene: the scene that fixes task, inputs, boxes and number of barriers of all episodes.
+        random_family: the family that draws a scene for each episode; None for always the same one.
+        drawn_scene: the arrays that `next` drew last; None where options gave the scene.
         hidden: whether the family redraws velocities within an episode.
 
     Raises:
@@ -34,12 +33,12 @@ class SceneSource:
     """
 
     def __init__(self, source: ScenarioLike, intentions: str = "known"):
-        self.source = source
-        self.drawn = scenarios.family_of(source)
-        self.own = scenarios.make(source, np.random.default_rng(0))
-        self.scene: Scene | None = None
+        self._source = source
+        self.random_family = scenarios.family_of(source)
+        self.own_scene = scenarios.make(source, np.random.default_rng(0))
+        self.drawn_scene: Scene | None = None
         self.hidden = choose("intentions", intentions, {"known": False, "hidden": True})
-        self._redraw = None if self.drawn is None else self.drawn.redraw
+        self._redraw = None if self.random_family is None else self.random_family.redraw
         if self.hidden and self._redraw is None:
             raise InvalidInputError(
                 f"intentions: got 'hidden' with the scenario {shown(source)}, expected a family "
@@ -59,28 +58,29 @@ class SceneSource:
         check_options("reset: options", options, OPTIONS)
         if not options:
             return {}
-        got = _alike(self.next(np.random.default_rng(0), options))
-        own = _alike(self.own)
-        if got != own:
+        given = _fixed_properties(self.next(np.random.default_rng(0), options))
+        own = _fixed_properties(self.own_scene)
+        if given != own:
             raise InvalidInputError(
-                f"reset: options: scenario: got {got}, expected the environment's {own}"
+                f"reset: options: scenario: got {given}, expected the environment's {own}"
             )
         return options
 
     def next(self, rng: np.random.Generator, options: Mapping[str, Any]) -> Scenario:
         """Return the scene of the next episode, for options from `check`."""
-        scene, self.scene = self.own, None
-        if not options and self.drawn is not None:
-            self.scene = self.drawn.drawn([rng]).one(0)
-            return self.drawn.scenario(self.scene)
-        if "scenario" in options or self.drawn is not None:
-            scene = scenarios.make(options.get("scenario", self.source), rng)
+        self.drawn_scene = None
+        family, scene = self.random_family, self.own_scene
+        if family is not None and not options:
+            self.drawn_scene = family.drawn([rng]).one(0)
+            return family.scenario(self.drawn_scene)
+        if "scenario" in options or family is not None:
+            scene = scenarios.make(options.get("scenario", self._source), rng)
         return replace(scene, start=options["start"]) if "start" in options else scene
 
-    def redrawn(self, scene: object, t: float, rng: np.random.Generator) -> bool:
+    def redraw_velocities(self, scene: object, t: float, rng: np.random.Generator) -> bool:
         """Let hidden intentions change a drawn scene at time t [s]; return whether they did.
 
-        Every shape continues from where it is then.
+        Every shape continues from its position at that time.
         """
         if not (self.hidden and self._redraw and isinstance(scene, Scene)):
             return False
@@ -91,33 +91,41 @@ class SceneSource:
                 f"redraw: got {shown(scene.velocities)}, expected finite velocities"
             )
         scene.velocities[scene.shapes[:, SHAPE] == HALF_PLANE] = 0.0
-        slower = before - scene.velocities  # a shape's position is that at time 0
-        scene.shapes[:, [X, Y]] += t * slower
-        return bool(slower.any())
+        # a scene has positions p at time 0: p + t v = p' + t v' holds for p' = p + t (v − v')
+        slowed_by = before - scene.velocities
+        scene.shapes[:, [X, Y]] += t * slowed_by
+        return bool(slowed_by.any())
 
-    def family(self, options: Mapping[str, Any]) -> str | None:
-        """Return the family of an episode's scene, for options from `check`; None for no family."""
-        source = options.get("scenario", self.source)
-        drawn = scenarios.family_of(source) if "scenario" in options else self.drawn
-        if drawn is None or "start" in options:
+    def family_name(self, options: Mapping[str, Any]) -> str | None:
+        """Return the name of the family that draws an episode's scene, for options from `check`.
+
+        Certificates compare it. It is None where no family draws the scene and its start.
+        """
+        if "start" in options:
             return None
-        return str(source) if isinstance(source, Mapping) else drawn.identity
+        source, family = self._source, self.random_family
+        if "scenario" in options:
+            source = options["scenario"]
+            family = scenarios.family_of(source)
+        if family is None:
+            return None
+        return str(source) if isinstance(source, Mapping) else family.identity
 
     def scenario(self, scene: Scene | Scenario) -> Scenario:
         """Return a scene that was drawn from the environment's own family as a `Scenario`."""
         if isinstance(scene, Scenario):
             return scene
-        assert self.drawn is not None  # no other scenes are drawn
-        return self.drawn.scenario(scene)
+        assert self.random_family is not None  # no other scenes are drawn
+        return self.random_family.scenario(scene)
 
     @property
     def hooks(self) -> Hooks:
         """Observation, reward and costs of the environment's own family."""
-        return NO_HOOKS if self.drawn is None else self.drawn.hooks
+        return NO_HOOKS if self.random_family is None else self.random_family.hooks
 
 
-def _alike(scene: Scenario) -> dict[str, object]:
-    """Return the properties that spaces, filter and physics depend on."""
+def _fixed_properties(scene: Scenario) -> dict[str, object]:
+    """Return the properties of a scene that spaces, filter and physics depend on."""
     return {
         "task": scene.task,
         "input_set": scene.input_set.to_dict(),

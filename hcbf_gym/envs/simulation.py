@@ -1,4 +1,4 @@
-"""A scene with a simulated robot: what its episodes draw, its pushes and contacts."""
+"""A MuJoCo scene with one robot: its random conditions, pushes, delays and contacts."""
 
 import math
 from abc import ABC, abstractmethod
@@ -19,21 +19,20 @@ from hcbf_gym.robots.body_points import stand
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_gym.scenarios import BoxObstacle
 
-BASE_SIZE = 13
-"""Of position, quaternion, velocity and turning rate of a trunk."""
+BASE_SIZE = 13  # a trunk's position (3), quaternion (4), velocity (3) and turning rate (3)
 
 
 class SimulatedRobot(NamedTuple):
-    """The robot of a scene."""
+    """The robot that a simulation puts into its scene."""
 
     spec: mujoco.MjSpec  # the robot alone, whose first body is the trunk, with its options
-    source: str | Path  # its file, for messages
-    trunk: str  # name of its first body
-    home_joints: Array  # (j,) at the start [rad]
-    height: float  # of the trunk above flat ground at the start [m]
-    inputs: int  # how many a step takes
+    source: str | Path  # the robot's file, for messages
+    trunk: str  # name of the robot's first body
+    home_joints: Array  # (j,) joint angles at the start [rad]
+    height: float  # height of the trunk above flat ground at the start [m]
+    inputs: int  # number of inputs that a step takes
     least_upright: float  # cosine of the trunk's tilt below which the robot has fallen
-    least_height: float  # of the trunk below which it has fallen [m]
+    least_height: float  # height of the trunk below which the robot has fallen [m]
     floor_decides: bool  # whether contacts have the floor's friction alone
 
 
@@ -41,18 +40,18 @@ class Simulation(ABC):
     """A scene with one robot, stepped one physics tick at a time.
 
     Args:
-        robot: in the scene.
-        randomization: from which the conditions of every episode are drawn.
-        obstacles: boxes, see `scene.add_boxes`.
+        robot: the robot in the scene.
+        randomization: the ranges from which the conditions of every episode are drawn.
+        obstacles: boxes on the ground, see `scene.add_boxes`.
         terrain: "flat", or "rough" with blind steps of at most 3 cm.
         disturbances: plain dict of pushes, see `disturbance_from_dict`; None is calm.
 
     Attributes:
         model: the compiled scene.
-        data: its state.
+        data: the state of the scene.
         trunk: name of the robot's first body.
-        home_joints: (j,) of the robot at the start [rad].
-        conditions: of this episode.
+        home_joints: (j,) joint angles of the robot at the start [rad].
+        conditions: the plant's conditions in this episode.
     """
 
     def __init__(
@@ -71,14 +70,14 @@ class Simulation(ABC):
         scene.add_boxes(spec, obstacles)
         if self._has_payload:
             scene.add_payload(spec, randomization.payload_position, robot.trunk)
-        # a divergence is reported: MuJoCo would put the robot back to its first pose
+        # by default MuJoCo resets a diverged state silently; here `diverged` has to report it
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.model = compile_spec(spec, robot.source)
         self.data = mujoco.MjData(self.model)
         self.trunk, self.home_joints = robot.trunk, robot.home_joints
         self._trunk_id = self.model.body(robot.trunk).id
         self._boxes = np.array([self.model.geom(box.name).id for box in obstacles], dtype=np.int64)
-        self._forces = np.zeros(len(self._boxes))
+        self._forces = np.zeros(len(self._boxes))  # with each box, in the last tick [N]
         self._height = robot.height + (scene.ROUGH_STEP if terrain == "rough" else 0.0)
         self._inputs = robot.inputs
         self._least_upright, self._least_height = robot.least_upright, robot.least_height
@@ -118,7 +117,7 @@ class Simulation(ABC):
         """Advance the physics by one tick under the robot's inputs (k,)."""
 
     def _disturbed(self, inputs: Array) -> Array:
-        """Return the inputs (k,) that arrive in this tick, and apply the scheduled pushes."""
+        """Apply the scheduled pushes; return the inputs (k,) that arrive after their delay."""
         if self._delayed:
             self._delayed.append(inputs)
             inputs = self._delayed.popleft()
@@ -132,15 +131,15 @@ class Simulation(ABC):
 
     @abstractmethod
     def _set_conditions(self) -> None:
-        """Give floor and motors this episode's conditions."""
+        """Set the friction of the floor and the strength of the motors to `conditions`."""
 
     @property
     @abstractmethod
     def diverged(self) -> bool:
-        """Whether the robot's state has left the finite numbers."""
+        """Whether the robot's state is no longer finite."""
 
     def place_geoms(self) -> None:
-        """Move every geom to the present positions."""
+        """Compute the position of every geom from the present joint angles."""
         mujoco.mj_kinematics(self.model, self.data)
 
     def base(self, out: Array) -> None:
@@ -160,13 +159,13 @@ class Simulation(ABC):
 
     @property
     def yaw_rate(self) -> float:
-        """At which the trunk turns about its own vertical axis [rad/s]."""
+        """Turning rate of the trunk about its own vertical axis [rad/s]."""
         return float(self._twist[5])
 
     @property
     def fallen(self) -> bool:
         """Whether the trunk has tipped over or is on the ground, or the physics diverged."""
-        z, _, x, y = self._pose[2:6].tolist()
+        z, _, x, y = self._pose[2:6].tolist()  # height, then the quaternion's w, x and y
         upright = 1.0 - 2.0 * (x * x + y * y)
         return self.diverged or not (upright > self._least_upright and z > self._least_height)
 
@@ -177,21 +176,21 @@ class Simulation(ABC):
     def _measure_forces(self) -> Array:
         """Return (k,) the normal force between the robot and each box now [N]."""
         forces, wrench = np.zeros(len(self._boxes)), np.zeros(6)
-        pairs = self.data.contact.geom
-        for index in np.flatnonzero(np.isin(pairs, self._boxes).any(axis=1)):
-            first, second = pairs[index].tolist()
-            box, other = (first, second) if first in self._boxes else (second, first)
+        geoms = self.data.contact.geom  # (contacts, 2)
+        for contact in np.flatnonzero(np.isin(geoms, self._boxes).any(axis=1)).tolist():
+            box, other = geoms[contact].tolist()
+            if box not in self._boxes:
+                box, other = other, box
             if self.model.body_rootid[self.model.geom_bodyid[other]] == self._trunk_id:
-                mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
-                forces[self._boxes == box] += wrench[0]
+                mujoco.mj_contactForce(self.model, self.data, contact, wrench)
+                forces[self._boxes == box] += wrench[0]  # of the contact's frame: the normal
         return forces
 
     def _load(self, payload: float) -> None:
         """Set the payload's mass [kg] and the inertia of its box."""
         body = self.model.body(scene.PAYLOAD).id
         x, y, z = (2.0 * half for half in scene.PAYLOAD_HALF_SIZE)
+        diagonal = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
         self.model.body_mass[body] = payload
-        self.model.body_inertia[body] = (
-            payload / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-        )
+        self.model.body_inertia[body] = payload / 12 * diagonal
         mujoco.mj_setConst(self.model, self.data)

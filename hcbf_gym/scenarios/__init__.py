@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,9 @@ from hcbf_gym.errors import (
     text,
 )
 from hcbf_gym.scenarios import clutter, crossing, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import NO_HOOKS, V_MAX, Draw, DrawMany, Family, Hooks, Moment
+from hcbf_gym.scenarios.family import V_MAX, Draw, DrawMany, Family
 from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
+from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks, Moment
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
 from hcbf_gym.scenarios.scene import BOX, DISC, ELLIPSE, HALF_PLANE, Scene
 
@@ -48,7 +50,7 @@ __all__ = [
     "register_floors",
 ]
 
-_NAMED: dict[str, Callable[[], Scenario]] = {
+_FIXED: dict[str, Callable[[], Scenario]] = {
     "paper-simulation": paper.simulation,
     "paper-simulation-as-printed": paper.simulation_as_printed,
     "paper-four-levels": paper.four_levels,
@@ -73,21 +75,20 @@ def register(
 ) -> None:
     """Name a family of random scenes, of which environments draw one for each episode.
 
-    The task is "reach": to arrive at the scene's goal. Written in a file, a family is also called
-    ``file.py:name`` or ``module:name``, under which other processes find it.
+    The task is "reach": to arrive at the scene's goal. A family that a file registers also has the
+    name ``file.py:name`` or ``module:name``, under which other processes find it.
 
     Args:
-        name: for `gym.make`, `make_vec`, `evaluate` and `certify` as a scenario.
-        draw: (generator, scene) fills the arrays of a `Scene`, for each environment that begins,
-            with its generator.
-        shapes: m, how many shapes each scene has, walls included.
+        name: the scenario's name for `gym.make`, `make_vec`, `evaluate` and `certify`.
+        draw: (generator, scene) fills the arrays of a `Scene` at the beginning of an episode.
+        shapes: m, the number of shapes of each scene, walls included.
         v_max: strict cap on the speed [m/s]; None for none.
-        draw_many: (N generators, the N scenes' arrays) the same for many at once, equal bit for
-            bit; registration compares them on some seeds.
+        draw_many: (N generators, the N scenes' arrays) does the same for many at once, equal bit
+            for bit; registration compares them on some seeds.
         floor: returns the map on which the shapes are; None for none.
         hooks: observation, reward and costs of the family.
-        redraw: (generator, velocities (m, 2) [m/s]) writes those after each control step of
-            environments with ``intentions="hidden"``, unannounced; None where it has no such.
+        redraw: (generator, velocities (m, 2) [m/s]) overwrites the velocities after each control
+            step of environments with ``intentions="hidden"``; None where they never change.
 
     Raises:
         InvalidInputError: if the name is taken or no name, a number is out of range, or
@@ -99,25 +100,25 @@ def register(
             f"family: got {name!r}, expected a name without colon, slash, space"
         )
     instance(f"family {name!r}: hooks", hooks, Hooks)
-    for what, given in (
-        ("draw", draw), ("draw_many", draw_many), ("floor", floor), ("redraw", redraw)
-    ):  # fmt: skip
-        if not (callable(given) or (given is None and what != "draw")):
+    functions = {"draw": draw, "draw_many": draw_many, "floor": floor, "redraw": redraw}
+    for argument, value in functions.items():
+        is_left_out = value is None and argument != "draw"
+        if not (is_left_out or callable(value)):
             raise InvalidInputError(
-                f"family {name!r}: {what}: got {shown(given)}, expected a function"
+                f"family {name!r}: {argument}: got {shown(value)}, expected a function"
             )
     count(f"family {name!r}: shapes", shapes, minimum=0 if floor else 1)
     if v_max is not None:
         v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
-    made = Family(name, draw, shapes, v_max, draw_many, floor, hooks, redraw)
-    before = _FAMILIES.get(name)
-    if name in _NAMED or not (before is None or before.is_from_where(made)):
+    family = Family(name, draw, shapes, v_max, draw_many, floor, hooks, redraw)
+    registered = _FAMILIES.get(name)
+    if name in _FIXED or (registered is not None and not family.replaces(registered)):
         raise InvalidInputError(
             f"family: got {name!r}, expected a name that is not taken: {names()}"
         )
     if draw_many is not None:
-        made.check_many()
-    _FAMILIES[name] = made
+        family.check_many()
+    _FAMILIES[name] = family
 
 
 def families() -> list[str]:
@@ -127,39 +128,44 @@ def families() -> list[str]:
 
 def names() -> list[str]:
     """Return the names that `make` knows."""
-    return sorted([*_NAMED, *_FAMILIES])
+    return sorted([*_FIXED, *_FAMILIES])
 
 
 def family_of(scenario: ScenarioLike) -> Family | None:
-    """Return the family of random scenes with a name, or of paths through a map's dict; or None.
+    """Return the family of a scenario's random scenes; None where the scenario is one scene.
+
+    A family has a name, or consists of random paths through a map's dict.
 
     Raises:
         UnknownNameError: if a file or module does not register a family of that name.
         InvalidInputError: if it cannot be imported.
     """
     if isinstance(scenario, Mapping):
-        if set(scenario) != {"map"}:
-            return None
-        reader = floors()
-        floor = reader.read(scenario["map"])
-
-        def draw(generator: np.random.Generator, scene: Scene) -> None:
-            reader.draw(floor, generator, scene.start, scene.goal)
-
-        return Family(name_of(scenario["map"]), draw, 0, floor=lambda: floor)
+        return _paths_through(scenario["map"]) if set(scenario) == {"map"} else None
     if not isinstance(scenario, str):
         return None
-    where, _, name = scenario.rpartition(":")
-    if where:
-        loading.module("scenario", where)
+    module, _, name = scenario.rpartition(":")
+    if module:
+        loading.module("scenario", module)
         if name not in _FAMILIES:
             raise UnknownNameError(
                 f"unknown scenario: got {scenario!r}, expected one of {families()}, or that "
-                f"{where} calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
+                f"{module} calls hcbf_gym.scenarios.register({name!r}, draw, shapes=…)"
             )
-    if name not in {*_NAMED, *_FAMILIES} and not name.endswith(".json"):
-        plugins.load()  # which may register it
+    if name not in {*_FIXED, *_FAMILIES} and not name.endswith(".json"):
+        plugins.load()  # a plugin may register it
     return _FAMILIES.get(name)
+
+
+def _paths_through(map_data: Mapping[str, Any]) -> Family:
+    """Return the family of random paths through the map of a plain dict."""
+    reader = floors()
+    floor = reader.read(map_data)
+
+    def draw(generator: np.random.Generator, scene: Scene) -> None:
+        reader.draw(floor, generator, scene.start, scene.goal)
+
+    return Family(name_of(map_data), draw, 0, floor=lambda: floor)
 
 
 def is_random(scenario: ScenarioLike) -> bool:
@@ -173,29 +179,31 @@ def on_map(
     """Return a command line's scene: random paths through a map, or one by name.
 
     Args:
-        file: of the map, YAML beside a PGM or PNG; None for none.
-        masks: mask → rank of what it covers; a file in the current folder, or beside the map.
-        slow: mask of a zone → speed limit there [m/s], as rank 2.
+        file: the map's file, YAML beside a PGM or PNG; None for none.
+        masks: file of a mask, in the current folder or beside the map → rank of the covered cells.
+        slow: file of a zone's mask → speed limit in the zone [m/s], as rank 2.
         otherwise: the scene where there is no map.
 
     Raises:
         InvalidInputError: if there are masks and no map, or a mask is named twice.
     """
-    for what, given in (("masks", masks), ("slow", slow)):
-        records.check_mapping(what, given)
+    records.check_mapping("masks", masks)
+    records.check_mapping("slow", slow)
     zones = {name: {"rank": 2, "kind": "speed", "limit": limit} for name, limit in slow.items()}
     entries: dict[str, object] = {**masks, **zones}
     if file is None:
         if entries:
             raise InvalidInputError("masks: got some without a map, expected --map, too")
         return text("otherwise", otherwise)
-    here = {name: str(Path(name).resolve()) if Path(name).exists() else name for name in entries}
-    found = {here[name]: entry for name, entry in entries.items()}
-    if len(found) < len(masks) + len(slow):
+    by_path: dict[str, object] = {}
+    for name, entry in entries.items():
+        path = Path(name)
+        by_path[str(path.resolve()) if path.exists() else name] = entry
+    if len(by_path) < len(masks) + len(slow):
         raise InvalidInputError(
             f"masks: got {[*masks, *slow]}, expected each mask once, in --masks or in --slow"
         )
-    return {"map": {"file": text("map", file), "masks": found}}
+    return {"map": {"file": text("map", file), "masks": by_path}}
 
 
 def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scenario:
@@ -204,7 +212,7 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
     Args:
         scenario: a name, a path to a JSON file, a plain dict, or a `Scenario`. A dict of a map
             alone, {"map": {"file": …, "masks": …}}, means random paths through it.
-        rng: decides a random scene; a generator of seed 0 unless given.
+        rng: draws a random scene; None is a generator of seed 0.
 
     Raises:
         UnknownNameError: if the name is not registered; the message lists those that are.
@@ -222,8 +230,8 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
         raise InvalidInputError(
             f"scenario: got {shown(scenario)}, expected a name, a dict, a JSON file or a Scenario"
         )
-    if str(scenario) in _NAMED:
-        return _NAMED[str(scenario)]()
+    if str(scenario) in _FIXED:
+        return _FIXED[str(scenario)]()
     if str(scenario).endswith(".json"):
         return load(scenario)
     raise UnknownNameError(
@@ -235,7 +243,7 @@ _IN_A_HALL = hall.WALLS + random_scenes.REGIONS
 register("random", random_scenes.draw, shapes=_IN_A_HALL)
 register("random-moving", partial(random_scenes.draw, moving=True), shapes=_IN_A_HALL)
 register("random-wide", partial(random_scenes.draw, gap=random_scenes.WIDE_GAP), shapes=_IN_A_HALL)
-register("random-clutter", clutter.draw, shapes=hall.WALLS + clutter.MOST)
+register("random-clutter", clutter.draw, shapes=hall.WALLS + clutter.MAX_REGIONS)
 register("random-traps", traps.draw, shapes=hall.WALLS + len(traps.RANKS))
 register(
     "random-crossing",

@@ -1,79 +1,39 @@
-"""Families of random scenes: a function that fills the arrays of one scene, and its name."""
+"""Family: random scenes of one kind, drawn by a function that fills the arrays of a scene."""
 
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hcbf_gym import certificates, sources
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, shown
+from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.scenarios.floor import Floor
+from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks
 from hcbf_gym.scenarios.references import PointReference
 from hcbf_gym.scenarios.scenario import Scenario
-from hcbf_gym.scenarios.scene import ASPECT, HALF_PLANE, RADIUS, SHAPE, Scene, X, Y, barrier
+from hcbf_gym.scenarios.scene import Scene, barriers_of, check_filled, check_ranks, check_shapes
 
 V_MAX = 1.0
 """Strict cap on the speed [m/s] of the shipped families, low enough for the A1 to follow."""
 
-_TRIED = range(8)
-"""Seeds on which `draw_many` is compared with `draw`."""
+_COMPARED_SEEDS = range(8)  # on which `draw_many` is compared with `draw`
 
 
-class Moment(NamedTuple):
-    """What hooks get of N robots at the end of a control step, or at a reset.
-
-    Attributes:
-        before: (N, 4) position [m] and velocity [m/s] when the step began.
-        x: (N, 4) the same at its end; at a reset, both are the start.
-        reference: (N, 6) position, velocity and acceleration of the reference.
-        sensed: (N, m, 4) of the scene's conditions: h, its unit gradient, ∂h/∂t.
-        min_h: (N, k) least h in the step, the environment's own speed limit included.
-        u: (N, 2) the applied acceleration [m/s²]; zero at a reset.
-    """
-
-    before: Array
-    x: Array
-    reference: Array
-    sensed: Array
-    min_h: Array
-    u: Array
-
-
-class Hooks(NamedTuple):
-    """Observation, reward and costs of a family's environments; None is the usual one.
-
-    Each row of an answer may depend on the same row alone, so that one robot gets what it gets
-    among N.
-
-    Attributes:
-        observe: (x (N, 4), reference (N, 6), sensed (N, m, 4)) → (N, n) the observation.
-        reward: Moment → (N,) the reward, which infos have as `reward_own`.
-        costs: Moment → (N, k) the infos' `costs`; `cost` stays 1 where rank 1 was entered.
-    """
-
-    observe: Callable[[Array, Array, Array], Array] | None = None
-    reward: Callable[[Moment], Array] | None = None
-    costs: Callable[[Moment], Array] | None = None
-
-    @property
-    def sees_steps(self) -> bool:
-        """Whether a hook takes a `Moment`."""
-        return self.reward is not None or self.costs is not None
-
-
-NO_HOOKS = Hooks()
 Draw = Callable[[np.random.Generator, Scene], None]
 DrawMany = Callable[[Sequence[np.random.Generator], Scene], None]
 
 
 @dataclass(frozen=True)
 class Family:
-    """Random scenes of one kind; see `register`."""
+    """Random scenes of one kind, which share number of shapes, cap on the speed, map and hooks.
+
+    `hcbf_gym.scenarios.register` documents its arguments and checks them.
+    """
 
     name: str
     draw: Draw
@@ -85,10 +45,10 @@ class Family:
     redraw: Callable[[np.random.Generator, Array], None] | None = None
 
     def drawn(self, generators: Sequence[np.random.Generator]) -> Scene:
-        """Return the N scenes that the generators decide.
+        """Return N scenes, each drawn with one of the N generators.
 
         Raises:
-            InvalidInputError: if a scene is not filled, or a number of it is out of range.
+            InvalidInputError: if a scene is not filled, or one of its numbers is out of range.
         """
         scenes = Scene.unfilled(len(generators), self.shapes)
         if self.draw_many is not None:
@@ -96,75 +56,37 @@ class Family:
         else:
             for i, generator in enumerate(generators):
                 self.draw(generator, scenes.one(i))
-        self._check(scenes)
+        check_filled(self.name, scenes)
+        check_shapes(self.name, scenes)
+        if self.floor is None:  # else the map has ranks, too
+            check_ranks(self.name, scenes.ranks)
         return scenes
 
     def check_many(self) -> None:
         """Refuse a `draw_many` that fails, or fills other scenes than `draw`."""
         try:
-            many = self.drawn([np.random.default_rng(seed) for seed in _TRIED])
+            many = self.drawn([np.random.default_rng(seed) for seed in _COMPARED_SEEDS])
         except InvalidInputError:
             raise
         except Exception as error:  # of the user's function
             raise InvalidInputError(
                 f"family {self.name!r}: draw_many: got {error!r}, expected it to fill N scenes"
             ) from error
-        for i, seed in enumerate(_TRIED):
+        for i, seed in enumerate(_COMPARED_SEEDS):
             single = Scene.unfilled(self.shapes)
             self.draw(np.random.default_rng(seed), single)
-            for name, a, b in zip(Scene._fields, single, many.one(i), strict=True):
-                if a.tobytes() != b.tobytes():
+            for name, alone, among_many in zip(Scene._fields, single, many.one(i), strict=True):
+                if alone.tobytes() != among_many.tobytes():
                     raise InvalidInputError(
                         f"family {self.name!r}: got other {name} from draw_many than from draw "
                         f"with the generator of seed {seed}, expected them equal bit for bit"
                     )
 
-    def _check(self, scenes: Scene) -> None:
-        """Refuse scenes (N, …) that are not filled or out of range."""
-        for name, array in zip(Scene._fields, scenes, strict=True):
-            if not np.isfinite(array).all():
-                raise InvalidInputError(
-                    f"family {self.name!r}: got {shown(array)} for the {name}, expected finite "
-                    "numbers; draw(generator, scene) must fill all of them"
-                )
-        shapes, ranks = scenes.shapes, scenes.ranks
-        code, radius, aspect = shapes[..., SHAPE], shapes[..., RADIUS], shapes[..., ASPECT]
-        is_wall, known = code == HALF_PLANE, (code == np.floor(code)) & (code >= HALF_PLANE)
-        length = np.hypot(shapes[..., X], shapes[..., Y])
-        rests = (scenes.velocities == 0.0).all(axis=-1)
-        sound = np.where(
-            is_wall, rests & (np.abs(length - 1.0) < 1e-9), (radius > 0.0) & (aspect > 0.0)
-        )
-        bad = ~(known & (code <= 8) & sound)
-        if bad.any():
-            raise InvalidInputError(
-                f"family {self.name!r}: got the shape {shapes[bad][0].tolist()}, expected a code "
-                f"from {HALF_PLANE} to 8 with a positive radius, or a half plane's unit normal and "
-                "no velocity"
-            )
-        if self.floor is None:
-            last = ranks.max(axis=1, initial=0)
-            every = np.arange(1, last.max(initial=0) + 1)
-            present = (ranks[:, None] == every[:, None]).any(axis=2) | (every > last[:, None])
-            if not (present.all() and (ranks >= 1).all()):
-                worst = ranks[(ranks < 1).any(axis=1) | ~present.all(axis=1)][0]
-                raise InvalidInputError(
-                    f"family {self.name!r}: got the ranks {worst.tolist()}, expected 1, 2, … "
-                    "without a gap"
-                )
-
     def scenario(self, scene: Scene) -> Scenario:
         """Return one of its scenes as a `Scenario`."""
-        walls, barriers = 0, []
-        for k, row in enumerate(scene.shapes.tolist()):
-            is_wall = row[SHAPE] == HALF_PLANE
-            walls += is_wall
-            name = f"wall {walls}" if is_wall else f"region {k + 1 - walls}"
-            velocity = scene.velocities[k].tolist()
-            barriers.append(barrier(name, int(scene.ranks[k]), row, velocity))
         return Scenario(
             name=self.name,
-            barriers=tuple(barriers),
+            barriers=barriers_of(scene),
             reference=PointReference(tuple(scene.goal.tolist())),
             start=tuple(scene.start.tolist()),
             task="reach",
@@ -174,23 +96,23 @@ class Family:
 
     @property
     def identity(self) -> str:
-        """Its name in certificates, with a hash of the user's files."""
+        """The family's name in certificates, with a hash of the user's files."""
         return certificates.robot_of(self.name, self.files) if self.files else self.name
 
     @cached_property
     def files(self) -> list[Path]:
-        """The user's files that decide its scenes; none for a shipped one."""
+        """The user's files that decide the scenes; none for a shipped family."""
         file = inspect.getsourcefile(_function(self.draw))
         return [] if file is None or not Path(file).is_file() else sources.of_user(Path(file))
 
-    def is_from_where(self, other: "Family") -> bool:
-        """Return whether another family's function is this one, or a newer version of it."""
-        one, another = _function(self.draw), _function(other.draw)
-        return (one.__module__, one.__qualname__) == (another.__module__, another.__qualname__)
+    def replaces(self, other: "Family") -> bool:
+        """Return whether the family's function is another one's, or a newer version of it."""
+        new, old = _function(self.draw), _function(other.draw)
+        return (new.__module__, new.__qualname__) == (old.__module__, old.__qualname__)
 
 
 def _function(draw: Any) -> Any:
-    """Return the function that a partial one calls, or the class of an object that is called."""
+    """Return a function, the one inside of a `partial`, or the class of any other callable."""
     if isinstance(draw, partial):
         return _function(draw.func)
     return draw if hasattr(draw, "__qualname__") else type(draw)

@@ -1,4 +1,4 @@
-"""Maps in scenes and pictures; a package of maps registers its class and reader."""
+"""Floor: the interface of maps in scenes and pictures, whose reader a package of maps registers."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -18,9 +18,9 @@ class Floor(Several):
     """A map of ranked regions, which scenes and pictures take.
 
     Attributes:
-        grid: its place and cells.
-        classes: its regions in the order of the conditions, each with a `rank` and a `limit`, the
-            speed inside of a speed zone [m/s] or None.
+        grid: the map's origin, resolution and size.
+        classes: the map's regions in the order of the conditions, each with a `rank` and a `limit`,
+            the speed inside of a speed zone [m/s] or None.
     """
 
     grid: Grid
@@ -28,17 +28,17 @@ class Floor(Several):
 
     @abstractmethod
     def outlines(self, region: Any, covered: bool = False) -> list[Array]:
-        """Return the corners (k, 2) of what a region occupies, or of what covers it [m]."""
+        """Return the outlines (k, 2) of a region's cells, or of the shapes that cover them [m]."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, object]:
-        """Return it as a plain dict that its reader reads and JSON can hold."""
+        """Return the map as a plain dict, which its reader reads and JSON can hold."""
 
 
 class Floors(NamedTuple):
-    """How a package of maps reads and uses them."""
+    """The functions by which scenes use a package of maps."""
 
-    read: Callable[[Mapping[str, Any]], Floor]  # the same map for the same dict
+    read: Callable[[Mapping[str, Any]], Floor]  # returns the same map for the same dict
     draw: Callable[[Any, np.random.Generator, Array, Array], None]
     """(map, generator, start (2,), goal (2,)) fills start and goal of a path through it [m]."""
 
@@ -47,12 +47,12 @@ _FLOORS: list[Floors] = []
 
 
 def register_floors(read: Callable[[Mapping[str, Any]], Floor], draw: Callable[..., None]) -> None:
-    """Let scenes have maps, with a reader and a drawer as in `Floors`."""
+    """Register the functions by which scenes use maps; see `Floors`."""
     _FLOORS[:] = [Floors(read, draw)]
 
 
 def floors() -> Floors:
-    """Return how maps are read and used."""
+    """Return the registered functions by which scenes use maps."""
     if not _FLOORS:
         plugins.load()
     if not _FLOORS:
@@ -63,5 +63,5 @@ def floors() -> Floors:
 
 
 def name_of(data: Mapping[str, Any]) -> str:
-    """Return the name of a scene in a described map: its file's name without the ending."""
+    """Return the name of a scene in the map of a plain dict: its file's name without ending."""
     return Path(str(data.get("file", "map"))).stem

@@ -21,14 +21,13 @@ from hcbf_gym.scenarios.scene import (
 )
 
 Point = tuple[float, float]
-WALLS = 2
-"""The first shapes of a scene in a hall."""
+WALLS = 2  # the first shapes of a scene in a hall
 
 
 def build(scene: Scene, length: float, half_width: float) -> Array:
-    """Write the two walls; return the other shapes (m − 2, 6), which are out of play for now.
+    """Write the two walls of a hall; return the other shapes (m − 2, 6).
 
-    Such a region is a disc beyond a wall, beside the middle of the hall.
+    Those are out of play until they are written: discs beyond a wall, beside the hall's middle.
     """
     for k, side in enumerate((-1.0, 1.0)):
         scene.shapes[k, : RADIUS + 1] = HALF_PLANE, 0.0, side, -half_width
@@ -40,7 +39,10 @@ def build(scene: Scene, length: float, half_width: float) -> Array:
 
 
 def wall(region: Array, near: Point, far: Point, thickness: float, beyond: float = 0.0) -> None:
-    """Write a box whose axis runs from one point to another, and `beyond` [m] at both ends."""
+    """Write a box whose axis runs from one point to another, and `beyond` [m] past both.
+
+    The region (6,) is a row of `Scene.shapes`, as in all functions here.
+    """
     dx, dy = far[0] - near[0], far[1] - near[1]
     half = 0.5 * np.hypot(dx, dy) + beyond
     region[SHAPE], region[RADIUS], region[ASPECT] = BOX, half, 0.5 * thickness / half
@@ -49,8 +51,12 @@ def wall(region: Array, near: Point, far: Point, thickness: float, beyond: float
 
 
 def shape(region: Array, kind: float, turn: float, form: float) -> None:
-    """Write what a region is, a disc, an ellipse or a polygon, from numbers in [0, 1)."""
-    region[SHAPE] = (DISC, ELLIPSE, 3 + int(4.0 * form))[int(3.0 * kind)]
+    """Make a region a disc, an ellipse or a regular polygon, by random numbers in [0, 1).
+
+    `kind` decides which of them, `turn` its angle, `form` its ratio of axes or number of corners.
+    """
+    polygon = 3 + int(4.0 * form)
+    region[SHAPE] = (DISC, ELLIPSE, polygon)[int(3.0 * kind)]
     region[ASPECT], region[ANGLE] = 0.5 + 0.5 * form, 2.0 * np.pi * turn
 
 
@@ -58,7 +64,8 @@ def check_count(scene: Scene, least: int, exact: bool = False) -> None:
     """Refuse scenes of fewer shapes, walls included, or of more if the count is exact."""
     m = len(scene.ranks)
     if m < least or (exact and m > least):
-        raise InvalidInputError(f"shapes: got {m}, expected {least}{'' if exact else ' or more'}")
+        expected = f"{least}" if exact else f"{least} or more"
+        raise InvalidInputError(f"shapes: got {m}, expected {expected}")
 
 
 def room_beside(path: Array, x: float, y: float, clear: float, clear_ends: float) -> float:
@@ -66,12 +73,12 @@ def room_beside(path: Array, x: float, y: float, clear: float, clear_ends: float
 
     It leaves `clear` [m] on both sides of the path, and `clear_ends` around its ends.
     """
-    points, x, y = path.tolist(), float(x), float(y)  # numbers of Python are faster one by one
+    points, x, y = path.tolist(), float(x), float(y)  # Python's numbers are faster one by one
     (x0, y0), (x1, y1) = points[0], points[-1]
     room = min(np.hypot(x - x0, y - y0), np.hypot(x - x1, y - y1)) - clear_ends
     for (ax, ay), (bx, by) in pairwise(points):
-        ex, ey = bx - ax, by - ay
+        ex, ey = bx - ax, by - ay  # along the segment
         ox, oy = x - ax, y - ay
-        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        along = min(max((ox * ex + oy * ey) / (ex * ex + ey * ey), 0.0), 1.0)  # nearest point
         room = min(room, np.hypot(ox - along * ex, oy - along * ey) - clear)
     return room

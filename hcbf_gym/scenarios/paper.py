@@ -1,4 +1,4 @@
-"""The paper's scenes (section IV), with the corrections that its figures call for."""
+"""The paper's scenes (section IV), with the corrections that its figures require."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from hcbf_gym.scenarios.references import BezierReference
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario
 
 EAST_WALL = HalfPlane("h1 east wall", 1, normal=(-1.0, 0.0), offset=-0.2)
-"""h₁ = 0.2 − p_x: the sign that the figures need; the printed one forbids the goal."""
+"""h₁ = 0.2 − p_x has the sign that the figures require; the printed one forbids the goal."""
 
 EAST_WALL_AS_PRINTED = HalfPlane("h1 east wall", 1, normal=(1.0, 0.0), offset=-0.2)
 """h₁ = p_x + 0.2, as printed."""
@@ -19,7 +19,7 @@ SOUTH_WALL = HalfPlane("h2 south wall", 1, normal=(0.0, 1.0), offset=-0.2)
 
 
 def simulation() -> Scenario:
-    """Section IV-A with h₁'s sign corrected: h₁, h₂, h₃ strict, h₄ relaxed."""
+    """Return section IV-A with the corrected sign of h₁: h₁, h₂, h₃ strict, h₄ relaxed."""
     return Scenario(
         name="paper-simulation",
         barriers=(
@@ -33,7 +33,7 @@ def simulation() -> Scenario:
 
 
 def simulation_as_printed() -> Scenario:
-    """Section IV-A with h₁'s printed sign, which forbids the goal."""
+    """Return section IV-A with the printed sign of h₁, which forbids the goal."""
     scenario = simulation()
     return replace(
         scenario,
@@ -43,7 +43,7 @@ def simulation_as_printed() -> Scenario:
 
 
 def four_levels() -> Scenario:
-    """Section IV-A with one priority per barrier, for the programs of section III-D."""
+    """Return section IV-A with one priority per barrier, for the programs of section III-D."""
     scenario = simulation()
     ranked: tuple[Barrier, ...] = tuple(
         replace(barrier, priority=k) for k, barrier in enumerate(scenario.barriers, start=1)
@@ -52,9 +52,9 @@ def four_levels() -> Scenario:
 
 
 def experiment() -> Scenario:
-    """Section IV-C: heavy boxes inside region 1, a light box at region 2's centre.
+    """Return section IV-C: heavy boxes inside region 1, a light box at region 2's centre.
 
-    The paper has only "a continuous trajectory"; this one goes through the corridor between
+    The paper states only "a continuous trajectory". This one goes through the corridor between
     region 1 and the east wall.
     """
     region1 = Disc("h3 region 1", 1, center=(-1.7, 1.5), radius=1.7)
@@ -71,7 +71,7 @@ def experiment() -> Scenario:
 
 
 def experiment_straight() -> Scenario:
-    """Section IV-C on a straight reference, on which CBF-QPs deadlock before region 1."""
+    """Return section IV-C on a straight reference, on which CBF-QPs deadlock before region 1."""
     return replace(
         experiment(),
         name="paper-experiment-straight",
@@ -80,16 +80,16 @@ def experiment_straight() -> Scenario:
 
 
 def _ring_of_boxes(region: Disc, gap: Disc) -> tuple[BoxObstacle, ...]:
-    """Return heavy boxes around a region, their faces half a robot's width inside its edge.
+    """Return heavy boxes in a ring, their faces half a robot's width inside a region's edge.
 
-    They leave a gap for the light box at the other region's centre.
+    They leave a gap towards the light box at the other region's centre.
     """
     center = np.array(region.center)
     side = 0.4
     radius = region.radius - 0.35 - side / 2
     toward_gap = np.array(gap.center) - center
-    free = float(np.arctan2(toward_gap[1], toward_gap[0]))
-    angles = free + np.linspace(np.pi / 6, 2 * np.pi - np.pi / 6, 11)
+    gap_angle = float(np.arctan2(toward_gap[1], toward_gap[0]))
+    angles = gap_angle + np.linspace(np.pi / 6, 2 * np.pi - np.pi / 6, 11)
     return tuple(
         BoxObstacle(
             f"region 1 box {k}",

@@ -17,23 +17,16 @@ from hcbf_gym.scenarios.scene import RADIUS, Scene, X, Y
 GAP = 0.8
 """Least passage between two regions, and between a region and a wall [m]; a conflicting pair
 counts as one region."""
-WIDE_GAP = 1.25
-"""`GAP` of `random-wide` [m], where a robot of 0.46 m radius passes with room for margins."""
-CONFLICT_SHARE = 0.5
-"""Share of scenes that start in a conflict, of `random` and `random-moving` alike."""
-START_CLEARANCE = 1.0
-"""Least distance from the start to any strict region [m]."""
-MAX_DRIFT = 0.2
-"""Greatest speed of a moving region [m/s]."""
-LONGER = 1.7
-"""By how much each region beyond `REGIONS` makes the hall longer [m]."""
-
-REGIONS = 5
-"""The number of regions of the shipped families, and the least that a scene can have."""
+WIDE_GAP = 1.25  # of `random-wide` [m]: a robot of 0.46 m radius passes with room for margins
+CONFLICT_SHARE = 0.5  # share of scenes that start in a conflict
+START_CLEARANCE = 1.0  # least distance from the start to any strict region [m]
+MAX_DRIFT = 0.2  # greatest speed of a moving region [m/s]
+REGIONS = 5  # of the shipped families, and the least that a scene can have
+LENGTH_PER_REGION = 1.7  # by which each region beyond `REGIONS` makes the hall longer [m]
 
 
 class RegionDraw(NamedTuple):
-    """Random numbers in [0, 1) that decide a region, and what else they decide."""
+    """Random numbers in [0, 1) that decide a region; some decide two independent things."""
 
     place: float  # in the order along the hall; the speed of a moving region
     size: float  # the heading of a moving region; the direction of a conflict's exit
@@ -50,8 +43,8 @@ def draw(
     """Fill a scene of two walls and `REGIONS` regions or more; each more makes the hall longer.
 
     Args:
-        generator: of which every scene of as many regions takes the same number of numbers.
-        scene: to fill.
+        generator: from which every scene of as many regions takes as many numbers.
+        scene: the scene to fill.
         moving: whether relaxed regions drift; those of a conflict never do.
         gap: least passage between two regions, and between a region and a wall [m]. A wider one
             moves walls and regions apart and the goal farther away.
@@ -68,15 +61,16 @@ def draw(
     order = _shuffled([k for k in in_play if not (is_conflict and k in (inner, outer))], draws)
 
     widening = gap - GAP
-    length = 8.5 + 1.5 * by_length + 0.5 * len(order) * widening + LONGER * (count - REGIONS)
+    length = 8.5 + 1.5 * by_length + 0.5 * len(order) * widening
+    length += LENGTH_PER_REGION * (count - REGIONS)
     half_width = 2.2 + 0.6 * by_width + widening
     scene.goal[:] = length, 1.2 * (2.0 * by_goal - 1.0)
     regions = hall.build(scene, length, half_width)
-    first = 1.0 + 0.4 + 0.5 * gap if is_conflict else START_CLEARANCE - 0.5 * gap
-    step = (length - 0.6 - first) / len(order)
+    begin = 1.0 + 0.4 + 0.5 * gap if is_conflict else START_CLEARANCE - 0.5 * gap
+    stretch = (length - 0.6 - begin) / len(order)  # of the hall, for each region
     for place, k in enumerate(order):
-        low = first + place * step + 0.5 * gap
-        _write_region(regions[k], draws[k], low, step - gap, half_width - gap, scene.goal)
+        low = begin + place * stretch + 0.5 * gap
+        _write_region(regions[k], draws[k], low, stretch - gap, half_width - gap, scene.goal)
         if moving and ranks[k] > 1:
             speed, heading = MAX_DRIFT * draws[k].place, 2.0 * np.pi * draws[k].size
             velocity = speed * np.cos(heading), speed * np.sin(heading)
@@ -87,12 +81,12 @@ def draw(
 
 @cache
 def _ranks(count: int) -> list[int]:
-    """Return the ranks of regions: two fifths each of 1 and 2, and a fifth of 3."""
+    """Return the ranks of the regions: two fifths are 1, two fifths are 2, and a fifth is 3."""
     return [1 + 5 * k // (2 * count) for k in range(count)]
 
 
 def _shuffled(regions: list[int], draws: list[RegionDraw]) -> list[int]:
-    """Return regions, by their indices, in the random order in which they are along the hall."""
+    """Return the regions' indices in the random order in which they follow along the hall."""
     order: list[int] = []
     for k in regions:
         place = int(len(order) * draws[k].place)
@@ -121,7 +115,7 @@ def _write_conflict(inner: Array, outer: Array, drawn: RegionDraw) -> None:
     """Write `inner` (6,) around the start, and `outer` (6,) over the nearest exit: a conflict."""
     heading = 2.0 * np.pi * drawn.size
     depth = 0.3 + 0.2 * drawn.along
-    distance = 0.1 + 0.1 * drawn.across  # below the depth: the two rows exclude each other
+    distance = 0.1 + 0.1 * drawn.across  # below the depth, so that the two rows conflict
     inner[RADIUS] = 0.6 + 0.2 * drawn.kind
     outer[RADIUS] = 0.4 + 0.2 * drawn.turn
     back = depth - inner[RADIUS]

@@ -10,8 +10,7 @@ from hcbf_gym.arrays import Array, Pair
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
 from hcbf_gym.models.constants import FARTHEST
 
-LONGEST = 1e4
-"""Of a reference [s]: environments store a row of it for every control step."""
+MAX_DURATION = 1e4  # [s], because environments store a row for every control step
 
 
 class Reference(Protocol):
@@ -19,7 +18,7 @@ class Reference(Protocol):
 
     @property
     def duration(self) -> float:
-        """When the goal is reached [s]."""
+        """The time at which the goal is reached [s]."""
         ...
 
     def __call__(self, t: float) -> tuple[Array, Array]:
@@ -27,7 +26,7 @@ class Reference(Protocol):
         ...
 
     def acceleration(self, t: float) -> Array:
-        """Return (2,) [m/s²]."""
+        """Return the acceleration (2,) [m/s²]."""
         ...
 
 
@@ -38,13 +37,12 @@ class PointReference:
     goal: Pair
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "goal", tuple(finite_array("goal", self.goal, (2,), largest=FARTHEST).tolist())
-        )
+        goal = finite_array("goal", self.goal, (2,), largest=FARTHEST)
+        object.__setattr__(self, "goal", tuple(goal.tolist()))
 
     @property
     def duration(self) -> float:
-        """Zero."""
+        """Zero, because the goal holds from the first moment on."""
         return 0.0
 
     def __call__(self, t: float) -> tuple[Array, Array]:
@@ -62,7 +60,7 @@ class BezierReference:
 
     Args:
         points: (k, 2) control points [m], 2 ≤ k; the first is the start, the last the goal.
-        duration: [s], positive.
+        duration: time from start to goal [s], positive.
         ramp: time of the constant acceleration at either end [s], 0 < ramp ≤ duration / 2.
 
     Raises:
@@ -81,9 +79,8 @@ class BezierReference:
             )
         object.__setattr__(self, "points", tuple(tuple(p) for p in points.tolist()))
         for name in ("duration", "ramp"):
-            value = finite_float(
-                name, getattr(self, name), minimum=0.0, maximum=LONGEST, exclusive=True
-            )
+            time = getattr(self, name)
+            value = finite_float(name, time, minimum=0.0, maximum=MAX_DURATION, exclusive=True)
             object.__setattr__(self, name, value)
         if self.ramp > self.duration / 2:
             raise InvalidInputError(
@@ -104,19 +101,19 @@ class BezierReference:
 
     def _timing(self, t: float) -> tuple[float, float, float]:
         """Return the length run [m], the speed [m/s] and its change [m/s²]."""
-        total = self._arc_length[1][-1]
-        ramp = self.ramp
-        top = total / (self.duration - ramp)
+        ramp, total_length = self.ramp, self._arc_length[1][-1]
+        top_speed = total_length / (self.duration - ramp)
+        change = top_speed / ramp
+        remaining = self.duration - t
         if t < 0.0:
             return 0.0, 0.0, 0.0
         if t < ramp:
-            return 0.5 * top / ramp * t**2, top / ramp * t, top / ramp
+            return 0.5 * change * t**2, change * t, change
         if t <= self.duration - ramp:
-            return top * (t - ramp / 2), top, 0.0
-        rest = self.duration - t
-        if rest > 0.0:
-            return total - 0.5 * top / ramp * rest**2, top / ramp * rest, -top / ramp
-        return total, 0.0, 0.0
+            return top_speed * (t - ramp / 2), top_speed, 0.0
+        if remaining > 0.0:
+            return total_length - 0.5 * change * remaining**2, change * remaining, -change
+        return total_length, 0.0, 0.0
 
     def _curve(self, length: float) -> tuple[Array, Array, Array]:
         """Return position, unit tangent and curvature vector [1/m] after the given length."""
@@ -124,19 +121,17 @@ class BezierReference:
         s = float(np.interp(length, lengths, parameters))
         points = np.array(self.points)
         velocity = len(points[1:]) * _bezier(np.diff(points, axis=0), s)
+        # the curve's derivatives by its parameter are Bézier curves of the points' differences
         bend = np.diff(points, n=2, axis=0)
         acceleration = len(bend) * (len(bend) + 1) * _bezier(bend, s) if len(bend) else np.zeros(2)
         rate = float(np.linalg.norm(velocity))
         tangent = velocity / rate
-        return (
-            _bezier(points, s),
-            tangent,
-            (acceleration - (acceleration @ tangent) * tangent) / rate**2,
-        )
+        curvature = (acceleration - (acceleration @ tangent) * tangent) / rate**2
+        return _bezier(points, s), tangent, curvature
 
     @cached_property
     def _arc_length(self) -> tuple[Array, Array]:
-        """(4001,) the curve's parameter and the length run there [m]."""
+        """(4001,) values of the curve's parameter, and the length from its start [m] to each."""
         parameters = np.linspace(0.0, 1.0, 4001)
         points = np.array(self.points)
         samples = np.array([_bezier(points, s) for s in parameters])

@@ -1,7 +1,7 @@
-"""The record of one scene: ranked barriers, a reference, an input set, boxes."""
+"""Scenario: ranked barriers, a reference, inputs and boxes, which dicts and JSON files describe."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,7 @@ from hcbf_gym.scenarios.references import Reference
 
 TASKS = ("track", "reach")
 
-LARGEST_INPUT = 1e3
-"""Of a scene's input set [m/s²]."""
+LARGEST_INPUT = 1e3  # greatest component of an input set's corners [m/s²]
 
 
 @dataclass(frozen=True)
@@ -28,10 +27,10 @@ class BoxObstacle:
     """A box on the floor of the full-physics scene.
 
     Args:
-        name: of its reports of contacts, not empty.
-        center: (2,) [m].
+        name: under which its contacts are reported, not empty.
+        center: (2,) on the floor [m].
         size: (3,) full length, width and height [m], positive.
-        yaw: [rad].
+        yaw: angle of its length to the x axis [rad].
         mass: [kg], positive; None for a box too heavy to move.
 
     Raises:
@@ -46,8 +45,7 @@ class BoxObstacle:
     mass: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"obstacle name: got {shown(self.name)}, expected text")
+        _check_name("obstacle name", self.name)
         center = finite_array(f"{self.name}: center", self.center, (2,), largest=FARTHEST)
         size = finite_array(f"{self.name}: size", self.size, (3,), largest=FARTHEST)
         for side in size:
@@ -64,17 +62,17 @@ class Scenario:
     """A scene: dangerous regions and their ranks, the goal and the inputs.
 
     Args:
-        name: in tables and figures.
+        name: the scene's name in tables and figures.
         barriers: ranked safety conditions; with those of the map, the priorities are 1, 2, …
             without a gap.
-        reference: of the nominal policy; the last point is the goal.
-        start: (2,) [m].
+        reference: the motion of the nominal policy; its last point is the goal.
+        start: (2,) position at which an episode starts [m].
         input_set: U of the reduced-order model.
         task: "track" follows the reference to its end, "reach" ends at the goal.
-        goal_radius: within which the goal counts as reached [m].
+        goal_radius: distance within which the goal counts as reached [m].
         v_max: strict cap on the speed that the environments add [m/s]; None for none.
         obstacles: boxes of the full-physics scene.
-        map: its classes are conditions after the barriers; None for none.
+        map: a map whose classes are conditions after the barriers; None for none.
 
     Raises:
         InvalidInputError: if the barriers are none, share a name or skip a priority, if boxes share
@@ -93,33 +91,19 @@ class Scenario:
     map: Floor | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise InvalidInputError(f"scenario name: got {shown(self.name)}, expected text")
+        _check_name("scenario name", self.name)
         if not (self.map is None or isinstance(self.map, Floor)):
             raise InvalidInputError(f"{self.name}: map: got {shown(self.map)}, expected a map")
-        for part, kind in (("barriers", Barrier), ("obstacles", BoxObstacle)):
-            entries = listed(f"{self.name}: {part}", getattr(self, part), kind)
-            object.__setattr__(self, part, entries)
+        barriers = listed(f"{self.name}: barriers", self.barriers, Barrier)
+        obstacles = listed(f"{self.name}: obstacles", self.obstacles, BoxObstacle)
+        object.__setattr__(self, "barriers", barriers)
+        object.__setattr__(self, "obstacles", obstacles)
         if not callable(self.reference) or not hasattr(self.reference, "duration"):
             raise InvalidInputError(
                 f"{self.name}: reference: got {shown(self.reference)}, expected a Reference"
             )
-        names = [barrier.name for barrier in self.conditions]
-        if not names or len(set(names)) != len(names):
-            raise InvalidInputError(
-                f"{self.name}: barriers: got the names {names}, expected one or more, all different"
-            )
-        ranks = sorted({barrier.priority for barrier in self.conditions})
-        if ranks != list(range(1, len(ranks) + 1)):
-            raise InvalidInputError(
-                f"{self.name}: priorities: got {ranks}, expected 1, 2, … without a gap"
-            )
+        self._check_names_and_ranks()
         choose(f"task of {self.name}", self.task, dict.fromkeys(TASKS))
-        boxes = [box.name for box in self.obstacles]
-        if len(set(boxes)) != len(boxes):
-            raise InvalidInputError(
-                f"{self.name}: obstacles: got the names {boxes}, expected them all different"
-            )
         start = finite_array(f"{self.name}: start", self.start, (2,), largest=FARTHEST)
         object.__setattr__(self, "start", tuple(start.tolist()))
         inputs = input_sets.read(f"{self.name}: input_set", self.input_set)
@@ -130,9 +114,27 @@ class Scenario:
         if self.v_max is not None:
             finite_float(f"{self.name}: v_max", self.v_max, minimum=0.0, exclusive=True)
 
+    def _check_names_and_ranks(self) -> None:
+        """Refuse names that conditions or boxes share, and priorities with a gap."""
+        names = [barrier.name for barrier in self.conditions]
+        if not names or len(set(names)) != len(names):
+            raise InvalidInputError(
+                f"{self.name}: barriers: got the names {names}, expected one or more, all different"
+            )
+        boxes = [box.name for box in self.obstacles]
+        if len(set(boxes)) != len(boxes):
+            raise InvalidInputError(
+                f"{self.name}: obstacles: got the names {boxes}, expected them all different"
+            )
+        ranks = sorted({barrier.priority for barrier in self.conditions})
+        if ranks != list(range(1, len(ranks) + 1)):
+            raise InvalidInputError(
+                f"{self.name}: priorities: got {ranks}, expected 1, 2, … without a gap"
+            )
+
     @property
     def goal(self) -> Array:
-        """(2,) where the reference ends [m]."""
+        """(2,) the point where the reference ends [m]."""
         return self.reference(self.reference.duration)[0]
 
     @cached_property
@@ -142,20 +144,18 @@ class Scenario:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scene as a plain dict that `from_dict` reads and JSON can hold."""
-        return {
+        data = {
             "name": self.name,
-            "barriers": [barriers.to_dict(b) for b in self.barriers],
+            "barriers": [barriers.to_dict(barrier) for barrier in self.barriers],
             "reference": records.to_dict(self.reference, references.KINDS),
             "start": list(self.start),
             "input_set": self.input_set.to_dict(),
             "task": self.task,
             "goal_radius": self.goal_radius,
             "v_max": self.v_max,
-            "obstacles": [
-                {f.name: records.plain(getattr(o, f.name)) for f in fields(o)}
-                for o in self.obstacles
-            ],
-        } | ({} if self.map is None else {"map": self.map.to_dict()})
+            "obstacles": [records.plain(asdict(box)) for box in self.obstacles],
+        }
+        return data if self.map is None else data | {"map": self.map.to_dict()}
 
 
 ScenarioLike = str | Path | Mapping[str, Any] | Scenario
@@ -163,36 +163,37 @@ ScenarioLike = str | Path | Mapping[str, Any] | Scenario
 
 
 def from_dict(data: Mapping[str, Any]) -> Scenario:
-    """Build a scenario from a plain dict.
+    """Return the scenario of a plain dict.
 
     Args:
-        data: as `Scenario.to_dict` makes it; fields with a default may be left out.
+        data: a dict as `Scenario.to_dict` returns it; fields with a default may be left out.
 
     Raises:
         InvalidInputError: if a field is missing, unknown or mistyped, with the fields listed.
     """
     records.check_mapping("scenario", data)
     values = dict(data)
-    if "barriers" in values:
-        values["barriers"] = tuple(
-            barriers.from_dict(item) for item in _items("scenario: barriers", values["barriers"])
-        )
-    if values.get("map") is not None:
-        values["map"] = floors().read(values["map"])
-    if "reference" in values:
-        values["reference"] = records.from_dict("reference", values["reference"], references.KINDS)
-    if "input_set" in values:
-        values["input_set"] = input_sets.from_dict(values["input_set"])
-    if "obstacles" in values:
-        values["obstacles"] = tuple(
-            records.build("obstacle", BoxObstacle, item)
-            for item in _items("scenario: obstacles", values["obstacles"])
-        )
+    for name, read in _FIELD_READERS.items():
+        if name in values:
+            values[name] = read(values[name])
     return records.build("scenario", Scenario, values)
 
 
+_FIELD_READERS: dict[str, Callable[[Any], object]] = {
+    "barriers": lambda data: tuple(map(barriers.from_dict, _mappings("scenario: barriers", data))),
+    "map": lambda data: None if data is None else floors().read(data),
+    "reference": lambda data: records.from_dict("reference", data, references.KINDS),
+    "input_set": input_sets.from_dict,
+    "obstacles": lambda data: tuple(
+        records.build("obstacle", BoxObstacle, box)
+        for box in _mappings("scenario: obstacles", data)
+    ),
+}
+"""The fields that are no plain values, and the functions that read them."""
+
+
 def load(path: str | Path) -> Scenario:
-    """Read a scenario from a JSON file; its map is beside it unless its path is absolute.
+    """Read a scenario from a JSON file, to which a relative path of its map refers.
 
     Raises:
         InvalidInputError: if the file cannot be read, is not JSON or is no scenario.
@@ -205,9 +206,16 @@ def load(path: str | Path) -> Scenario:
     return from_dict(data)
 
 
-def _items(what: str, value: object) -> list[Any]:
+def _mappings(name: str, value: object) -> list[Any]:
+    """Return a list of mappings; refuse anything else."""
     if not isinstance(value, list | tuple):
-        raise InvalidInputError(f"{what}: got {value!r}, expected a list")
+        raise InvalidInputError(f"{name}: got {value!r}, expected a list")
     for item in value:
-        records.check_mapping(what, item)
+        records.check_mapping(name, item)
     return list(value)
+
+
+def _check_name(name: str, value: object) -> None:
+    """Refuse anything but a text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected text")

@@ -1,4 +1,4 @@
-"""An evident conflict of ranks: a trolley, a gate behind the robot, and a lawn beside."""
+"""The scene "trolley": a conflict between a trolley, a gate behind the robot, and a lawn."""
 
 from hcbf_gym.barriers import Disc, HalfPlane
 from hcbf_gym.scenarios.references import BezierReference
@@ -8,8 +8,8 @@ from hcbf_gym.scenarios.scenario import Scenario
 def scenario() -> Scenario:
     """Return a lane in which a trolley drives the robot back to a gate; only the lawn is left.
 
-    Trolley, wall and gate are of rank 1, the lawn is of rank 2: the robot enters it only when the
-    gate ends its retreat.
+    Trolley, wall and gate are of rank 1, the lawn is of rank 2. The robot enters the lawn only when
+    the gate ends its retreat.
     """
     return Scenario(
         name="trolley",

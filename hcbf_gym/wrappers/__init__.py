@@ -1,4 +1,4 @@
-"""Wrappers around the environments; `wrappers.sb3`, which needs the extra `rl`, by its own name."""
+"""Wrappers of environments. `wrappers.sb3` is imported by its name, as it needs the extra `rl`."""
 
 from hcbf_gym.wrappers.filter_log import FilterLog
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction

@@ -1,4 +1,4 @@
-"""Arguments that every wrapper takes: an environment, and what its spec repeats."""
+"""The record of a wrapper's arguments, from which Gymnasium's spec makes the wrapper again."""
 
 from dataclasses import fields
 from typing import Any
@@ -17,18 +17,18 @@ def record(wrapper: RecordConstructorArgs, env: object, kind: type, **arguments:
     """Record a wrapper's arguments, from which Gymnasium makes it again.
 
     Args:
-        wrapper: whose arguments they are.
-        env: what it is put around.
-        kind: what `env` has to be.
-        **arguments: all others.
+        wrapper: the wrapper.
+        env: the environment that it is put around.
+        kind: the class that `env` has to be of.
+        **arguments: the wrapper's other arguments.
 
     Raises:
-        InvalidInputError: if the environment is none of its kind, or an argument cannot be copied.
+        InvalidInputError: if the environment is of another class, or an argument cannot be copied.
     """
     instance(f"{type(wrapper).__name__}: env", env, kind)
     try:
         RecordConstructorArgs.__init__(wrapper, **arguments)
-    except Exception as error:  # whatever an object raises that is copied
+    except Exception as error:  # a user's object that is copied raises anything
         raise InvalidInputError(
             f"{type(wrapper).__name__}: got an argument that cannot be copied ({error}), expected "
             f"plain values, of {sorted(arguments)}"
@@ -44,30 +44,26 @@ def record_filter(
     certificate: object,
     **others: Any,
 ) -> None:
-    """Record a filter's arguments in JSON's terms; class-K functions as dicts."""
-    asked = settings._asdict()
-    kinds, options = class_k.KINDS, asked.pop("options")
-    asked["program"] = programs.plain(settings.program)
-    if kind is VectorEnv:  # which takes no solver
-        del asked["solver"]
-    asked |= {
-        key: records.to_dict(value, kinds) if type(value) in kinds.values() else value
-        for key, value in options.items()
-    }
-    record(
-        wrapper, env, kind, plant=plant, certificate=records.plain(certificate), **asked, **others
-    )
+    """Record a filter's arguments in JSON's terms, class-K functions as dicts.
+
+    `others` are arguments of one of the two filters alone.
+    """
+    arguments = settings._asdict() | others
+    arguments["program"] = programs.plain(settings.program)
+    arguments["certificate"] = records.plain(certificate)
+    if kind is VectorEnv:  # its filter takes no solver
+        del arguments["solver"]
+    for name, value in arguments.pop("options").items():
+        is_class_k = type(value) in class_k.KINDS.values()
+        arguments[name] = records.to_dict(value, class_k.KINDS) if is_class_k else value
+    record(wrapper, env, kind, plant=plant, **arguments)
 
 
 class SpecWithPlant(EnvSpec):
-    """The spec of a filter that was given a plant, whose readers JSON cannot hold."""
+    """The spec of a filter with a `plant` argument, whose readers JSON cannot hold."""
 
     def to_json(self) -> str:
-        """Refuse.
-
-        Raises:
-            InvalidInputError: always.
-        """
+        """Raise an `InvalidInputError`."""
         raise InvalidInputError(
             "spec: got SafetyFilter(env, plant=…), whose readers are functions, expected an "
             "environment that brings its plant, so that JSON need not hold it: set self.plant = "
@@ -77,5 +73,5 @@ class SpecWithPlant(EnvSpec):
 
 
 def with_plant(spec: EnvSpec) -> SpecWithPlant:
-    """Return a spec of a filter that was given a plant."""
+    """Return a copy of a spec that refuses to become JSON."""
     return SpecWithPlant(**{f.name: getattr(spec, f.name) for f in fields(spec) if f.init})

@@ -1,4 +1,4 @@
-"""What a filter's wrapper refuses before it filters anything."""
+"""Checks of environment and plant, before a filter's wrapper filters anything."""
 
 import dis
 import functools
@@ -15,65 +15,63 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.hold import HoldAction, VectorHoldAction
 
-TRANSFORM = (
+TRANSFORMING_WRAPPERS = (
     gym.ObservationWrapper,
     gym.vector.VectorObservationWrapper,
     gym.wrappers.MaxAndSkipObservation,
 )
-"""Wrappers that make other observations, also where the space is the same."""
-OBSERVATION, INFO = 1, 2
-"""Places of a reader's arguments."""
+"""Wrappers that change observations, even where the observation space stays the same."""
+OBSERVATION, INFO = 1, 2  # positions among a reader's arguments (env, observation, info)
+READERS_OF_ALL = {"eval", "exec", "locals", "vars"}
+"""Built-in functions that may read every argument of the function that calls them."""
 
 
 def plant_of(env: object) -> Plant:
-    """Return the plant that an environment brings.
+    """Return an environment's attribute `plant`.
 
     Raises:
-        InvalidInputError: if it brings none.
+        InvalidInputError: if it has none.
     """
     plant = getattr(env, "plant", None)
     if isinstance(plant, Plant):
         return plant
-    joined = "; around single environments put a SafetyFilter on each before they are joined"
+    remedy = ""
+    if isinstance(env, VectorEnv):
+        remedy = "; around single environments put a SafetyFilter on each before they are joined"
     raise InvalidInputError(
         f"environment: got {env}, which brings no plant; expected one of this package's, or "
-        "plant=hcbf_gym.Plant(model, barriers, state, …), what the filter must know"
-        + joined
-        * isinstance(env, VectorEnv)
+        f"plant=hcbf_gym.Plant(model, barriers, state, …), what the filter must know{remedy}"
     )
 
 
 def check_order(env: Any) -> None:
-    """Refuse what no action space shows: a held decision inside, episodes that begin unseen.
+    """Refuse wrappers inside the filter that belong outside, which no action space shows.
 
     Raises:
-        InvalidInputError: if there is one, or infos of another form.
+        InvalidInputError: if one holds decisions, begins episodes, or gives infos another form.
     """
     while env is not env.unwrapped:
-        name, wrong = type(env).__name__, ""
+        name, problem, remedy = type(env).__name__, "", ""
         if isinstance(env, DictInfoToList):
-            wrong = "whose infos are no dict", "DictInfoToList(VectorSafetyFilter(env))"
+            problem, remedy = "whose infos are no dict", "DictInfoToList(VectorSafetyFilter(env))"
         elif isinstance(env, gym.wrappers.Autoreset):
-            wrong = "so that episodes would begin unfiltered", "Autoreset(SafetyFilter(env))"
+            problem = "so that episodes would begin unfiltered"
+            remedy = "Autoreset(SafetyFilter(env))"
         elif isinstance(env, HoldAction | VectorHoldAction):
-            seldom = f"so that the filter would look once in {env.steps} steps"
-            wrong = seldom, f"{name}(filtered, {env.steps})"
-        if wrong:
+            problem = f"so that the filter would look once in {env.steps} steps"
+            remedy = f"{name}(filtered, {env.steps})"
+        if problem:
             raise InvalidInputError(
-                f"safety filter: got a {name} inside, {wrong[0]}; expected it outside: {wrong[1]}"
+                f"safety filter: got a {name} inside, {problem}; expected it outside: {remedy}"
             )
         env = env.env
 
 
 def check_observations(env: Any, plant: Plant) -> None:
-    """Refuse wrappers that transform what the plant's readers read.
-
-    Args:
-        env: as the filter is put around it.
-        plant: of it.
+    """Refuse an environment whose wrappers transform observations that the plant's readers read.
 
     Raises:
-        InvalidInputError: if a wrapper inside transforms observations, and a reader reads them.
+        InvalidInputError: if there are such wrappers, and a reader may read observations.
     """
     fields = ("state", "barriers", "goal", "extent")
     reading = [name for name in fields if reads(getattr(plant, name), OBSERVATION)]
@@ -90,53 +88,52 @@ def check_observations(env: Any, plant: Plant) -> None:
 def _transforming(env: Any) -> Any:
     """Return the outermost wrapper that transforms observations; None where there is none."""
     while env is not env.unwrapped:
-        named = isinstance(env, TRANSFORM)
-        if named or env.observation_space != env.env.observation_space:
+        is_known = isinstance(env, TRANSFORMING_WRAPPERS)
+        if is_known or env.observation_space != env.env.observation_space:
             return env
         env = env.env
-    singles = env.envs if isinstance(env, SyncVectorEnv) else ()
-    return next(filter(None, map(_transforming, singles)), None)
+    for single in env.envs if isinstance(env, SyncVectorEnv) else ():
+        wrapper = _transforming(single)
+        if wrapper is not None:
+            return wrapper
+    return None
 
 
-READERS_OF_ALL = {"eval", "exec", "locals", "vars"}
-"""What reads every argument of the function that calls it."""
+def reads(reader: object, position: int) -> bool:
+    """Return whether a plant's reader (env, observation, info) may read one of its arguments.
 
-
-def reads(reader: object, at: int) -> bool:
-    """Return whether a reader (env, observation, info) of a plant may read one of its arguments.
-
-    Its own code decides. Where that is not known, as of a callable of C, it may.
+    The reader's bytecode decides. A callable without bytecode, such as one of C, may read all.
 
     Args:
-        reader: a function, or anything else.
-        at: which argument.
+        reader: a function or another callable; anything else reads nothing.
+        position: the argument's position.
     """
     if not callable(reader):
         return False
     while isinstance(reader, functools.partial):
-        at += len(reader.args)
+        position += len(reader.args)
         reader = reader.func
     if not inspect.isroutine(reader):
         reader = type(reader).__call__
-        at += 1
+        position += 1  # self comes first
     elif inspect.ismethod(reader):
-        at += 1
+        position += 1
     code = getattr(inspect.unwrap(reader), "__code__", None)
     if code is None or not READERS_OF_ALL.isdisjoint(code.co_names):
         return True
-    name = code.co_varnames[at] if at < code.co_argcount else None
-    if name is None and code.co_flags & inspect.CO_VARARGS:
+    name = code.co_varnames[position] if position < code.co_argcount else None
+    if name is None and code.co_flags & inspect.CO_VARARGS:  # the argument is one of *args
         name = code.co_varnames[code.co_argcount + code.co_kwonlyargcount]
-    if name is None or name in code.co_cellvars:
+    if name is None or name in code.co_cellvars:  # an inner function may read it
         return True
-    loads = (one for one in dis.get_instructions(code) if "LOAD" in one.opname)
-    return any(
-        name in (one.argval if isinstance(one.argval, tuple) else (one.argval,)) for one in loads
-    )
+    loads = [load.argval for load in dis.get_instructions(code) if "LOAD" in load.opname]
+    return any(name in load if isinstance(load, tuple) else name == load for load in loads)
 
 
 def check_spaces(plant: Plant, outer: gym.Space, inner: gym.Space) -> None:
     """Refuse a wrapper that changes the actions, and an action space that cannot hold u.
+
+    The action spaces are `outer`, with the environment's wrappers, and `inner`, without them.
 
     Raises:
         InvalidInputError: if the action spaces differ; or u is the environment's action, and the
@@ -161,15 +158,15 @@ def check_spaces(plant: Plant, outer: gym.Space, inner: gym.Space) -> None:
 
 
 def input_set_of(plant: Plant, space: gym.Space) -> InputSet:
-    """Return U: the plant's own, or the environment's action space.
+    """Return U, which is the plant's input set or else the environment's action space.
 
     Raises:
         InvalidInputError: if neither bounds u.
     """
     if plant.input_set is not None:
         return plant.input_set
-    bounded = isinstance(space, gym.spaces.Box) and space.is_bounded() and len(space.shape) == 1
-    if not bounded or plant.to_action is not None:
+    is_bounded = isinstance(space, gym.spaces.Box) and space.is_bounded() and len(space.shape) == 1
+    if not is_bounded or plant.to_action is not None:
         raise InvalidInputError(
             f"plant: input_set is missing, and the action space {space} cannot take its place, "
             "expected an input_set, or a bounded Box of shape (n_u,) that u shares"

@@ -1,4 +1,4 @@
-"""What the filter around one environment and the filter around N of them share."""
+"""The base of `SafetyFilter` and `VectorSafetyFilter`: it reads the plant, filters, and steps."""
 
 import math
 from pathlib import Path
@@ -20,26 +20,17 @@ from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Coverage, Estimate, Plant
 from hcbf_gym.programs import ConflictReport
-from hcbf_gym.wrappers.checks import (
-    INFO,
-    OBSERVATION,
-    check_observations,
-    check_order,
-    check_spaces,
-    input_set_of,
-    plant_of,
-    reads,
-)
+from hcbf_gym.wrappers import checks
 from hcbf_gym.wrappers.infos import copied
 
 _FLOATS = np.dtype(np.float64), np.dtype(np.float32)
 
 
 class FilterBase:
-    """From an action to the environment's, through the filter of a plant or of a batch.
+    """Filters the actions of one environment, or of N, and reads their plant.
 
     Attributes:
-        plant: what the filter knows of the environment.
+        plant: the plant, by which the filter knows the environment.
     """
 
     plant: Plant
@@ -54,36 +45,60 @@ class FilterBase:
         batch: int | None = None,
         threads: int = 1,
     ) -> None:
-        """Check plant and environment, and make the filter."""
+        """Check plant and environment, and make the filter, of N plants in a batch.
+
+        The action spaces are those of the environment with its wrappers and without them. The other
+        arguments are the wrapper's.
+        """
         self._inner: Any = self.env.unwrapped
-        given = plant_of(self._inner) if plant is None else instance("plant", plant, Plant)
+        given_plant = checks.plant_of(self._inner) if plant is None else plant
+        instance("plant", given_plant, Plant)
         count("threads", threads)
-        one = None if certificate is None else certificates.load(certificate)
-        self.plant = plant = given if one is None else certified.certified(given, one, self._inner)
-        check_order(self.env)
-        check_observations(self.env, plant)
-        check_spaces(plant, *spaces)
-        input_set = input_set_of(plant, spaces[1])
-        self._core = FilterCore(plant, input_set, settings, batch, threads)
-        self._dtype = None if plant.to_action is not None else spaces[0].dtype
+        loaded, self.plant = None, given_plant
+        if certificate is not None:
+            loaded = certificates.load(certificate)
+            self.plant = certified.certified(given_plant, loaded, self._inner)
+        checks.check_order(self.env)
+        checks.check_observations(self.env, self.plant)
+        checks.check_spaces(self.plant, *spaces)
+        input_set = checks.input_set_of(self.plant, spaces[1])
+        self._core = FilterCore(self.plant, input_set, settings, batch, threads)
+        self._dtype = None if self.plant.to_action is not None else spaces[0].dtype
         if self._dtype is not None:
             self._core.config.applied_as(self._dtype)
-        differences = certified.differences_of(given, self._inner)
-        self._limits = certified.judge_filter(settings, plant, differences, one)
+        differences = certified.differences_of(given_plant, self._inner)
+        self._limits = certified.judge_filter(settings, self.plant, differences, loaded)
         self._shape = (input_set.n_u,) if batch is None else (batch, input_set.n_u)
         self._observation: object = None
         self._info: Info = {}
         self._begun = False
-        self._reads = "barriers", "state", *(("goal", "extent") if self._core.guides else ())
+        guidance_fields = ("goal", "extent") if self._core.guides else ()
+        self._step_fields = "barriers", "state", *guidance_fields  # of the plant, read in each step
         self._is_first = True  # no episode has begun yet
-        self._raised: set[str] = set()  # the readers that were warned of
-        own = callable(plant.covered) and plant.covered not in READERS
-        by_certificate = isinstance(plant.covered, certified.CertificateCoverage)
-        self._covers_anew = own and not by_certificate and not self._limits
-        read_now = plant.barriers, plant.state, plant.goal, plant.extent
-        others = [one for one in read_now if callable(one) and one not in READERS]
-        others += [plant.covered] * self._covers_anew
-        self._copies = {at: any(reads(one, at) for one in others) for at in (OBSERVATION, INFO)}
+        self._warned_readers: set[str] = set()
+        self._covers_anew = self._reads_coverage_in_steps()
+        self._copies_observation = self._needs_copy(checks.OBSERVATION)
+        self._copies_info = self._needs_copy(checks.INFO)
+
+    def _reads_coverage_in_steps(self) -> bool:
+        """Return whether the plant's coverage is a user's function, which may change in an episode.
+
+        Limits of the filter's arguments come before it.
+        """
+        covered = self.plant.covered
+        is_users = callable(covered) and covered not in READERS
+        is_certificate = isinstance(covered, certified.CertificateCoverage)
+        return is_users and not is_certificate and not self._limits
+
+    def _needs_copy(self, position: int) -> bool:
+        """Return whether a user's reader may read that argument at the next step.
+
+        Until then the caller may change the observation or the infos that it got.
+        """
+        plant = self.plant
+        readers = [plant.barriers, plant.state, plant.goal, plant.extent]
+        readers += [plant.covered] if self._covers_anew else []
+        return any(checks.reads(r, position) for r in readers if callable(r) and r not in READERS)
 
     @property
     def input_set(self) -> InputSet:
@@ -92,35 +107,31 @@ class FilterBase:
 
     @property
     def conditions(self) -> list[Condition]:
-        """Name and rank of the conditions in the order of the report's rows; of plant 0 of N."""
+        """Name and rank of the conditions in the order of the report's rows; plant 0's of N."""
         return self._core.conditions
 
     @property
     def lost(self) -> str:
-        """Why guidance finds no path to the goal of a plant, the first one; "" where it does."""
+        """Why guidance finds no path to a goal, of the first plant without one; else ""."""
         return self._core.lost
 
     def conflict(self, i: int = 0) -> ConflictReport | None:
-        """Return which conditions no input met together at the last step, and which ranks pay.
+        """Return the conditions that no input satisfied together at the last step, if any.
 
-        Args:
-            i: which plant of N.
-
-        Returns:
-            `rows` are indices of `conditions`; None where there was no conflict, or the state was
-            not accepted.
+        It is None where there was no conflict, or the state of plant `i` of N was not accepted. Its
+        `rows` are indices of `conditions`.
         """
         return self._core.conflict(i)
 
     def _see(self, observation: object, info: Info) -> None:
-        """Note what readers look at before the next action; the caller may change its own."""
-        self._observation = copied(observation) if self._copies[OBSERVATION] else observation
-        self._info = copied(info) if self._copies[INFO] else info
+        """Store the data that readers read at the next step, as copies where that is needed."""
+        self._observation = copied(observation) if self._copies_observation else observation
+        self._info = copied(info) if self._copies_info else info
 
     def _begin(self, mask: Mask, joins: bool = False) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states."""
         core = self._core
-        barriers, state, *world = self._read(*self._reads)
+        barriers, state, *world = self._read(*self._step_fields)
         estimate = state if isinstance(state, Estimate) else Estimate(state)
         if joins and estimate.time is not None:
             core.join(mask)
@@ -147,7 +158,7 @@ class FilterBase:
         if not (type(u) is np.ndarray and u.dtype in _FLOATS and u.shape == self._shape):
             u = floats("action", u, self._shape)
         u_nominal: Array = u.astype(np.float64)
-        barriers, state, *world = self._read(*self._reads)
+        barriers, state, *world = self._read(*self._step_fields)
         estimate = state if isinstance(state, Estimate) else Estimate(state)
         if self._covers_anew:
             core.coverage.update(self._covered())
@@ -163,31 +174,34 @@ class FilterBase:
         raise NotImplementedError
 
     def _covered(self) -> Any:
-        """Return whether the promise was tested for the episodes that begin."""
+        """Return the plant's coverage, or OUTSIDE where its reader raised an error."""
         (covered,) = self._read("covered")
         return Coverage.OUTSIDE if covered is None else covered
 
     def _read(self, *names: str) -> list[Any]:
-        """Return fields of the plant as they are now; None, of an extent NaN, where one raises."""
-        found = []
-        for name in names:
-            source: Any = getattr(self.plant, name)
-            try:
-                if callable(source):
-                    source = source(self._inner, self._observation, self._info)
-            except Exception as error:  # whatever a user's sensor raises, the robot has to stop
-                self._note(name, error)
-                source = math.nan if name == "extent" else None
-            found.append(source)
-        return found
+        """Return the present values of fields of the plant.
 
-    def _note(self, name: str, error: Exception) -> None:
-        """Warn of a reader that raised, once; before anything was filtered its error is raised."""
+        A reader that raises an error counts as a missing value: None, or NaN as an extent.
+        """
+        values = []
+        for name in names:
+            value: Any = getattr(self.plant, name)
+            try:
+                if callable(value):
+                    value = value(self._inner, self._observation, self._info)
+            except Exception as error:  # of whatever kind: the robot has to stop
+                self._warn_of_reader(name, error)
+                value = math.nan if name == "extent" else None
+            values.append(value)
+        return values
+
+    def _warn_of_reader(self, name: str, error: Exception) -> None:
+        """Warn once of a reader that raised; raise its error again before the first episode."""
         if self._is_first:
             error.add_note(f"raised by the plant's reader of the {name}, at the first reset")
             raise error
-        if name not in self._raised:
-            self._raised.add(name)
-            does = "covered is 0" if name == "covered" else "the filter brakes until that ends"
-            text = f"safety filter: the reader of the {name} raised {error!r}; {does}"
-            warn_caller(text, SafetyWarning)
+        if name not in self._warned_readers:
+            self._warned_readers.add(name)
+            effect = "covered is 0" if name == "covered" else "the filter brakes until that ends"
+            message = f"safety filter: the reader of the {name} raised {error!r}; {effect}"
+            warn_caller(message, SafetyWarning)

@@ -1,4 +1,4 @@
-"""What a training curve shows of a filter: statuses, least h by rank, intervention."""
+"""FilterLog: a filter's statuses, least h by rank and intervention, as scalars for training."""
 
 from collections.abc import Sequence
 
@@ -11,10 +11,10 @@ from hcbf_gym.programs import FilterStatus
 
 
 class FilterLog:
-    """Gathers a filter's reports between two points of a curve.
+    """Collects a filter's reports between two points of a training curve.
 
     Args:
-        conditions: `SafetyFilter.conditions`, which have the ranks.
+        conditions: `SafetyFilter.conditions`, for the rank of each row.
 
     Examples:
         >>> log = FilterLog([Condition("wall", 1), Condition("lawn", 2)])
@@ -25,12 +25,12 @@ class FilterLog:
     """
 
     def __init__(self, conditions: Sequence[Condition]):
-        given = listed("conditions", conditions, Condition)
-        self._ranks = np.array([condition.rank for condition in given])
+        checked = listed("conditions", conditions, Condition)
+        self._ranks = np.array([condition.rank for condition in checked])
         self._clear()
 
     def add(self, report: Info) -> None:
-        """Take a report, ``info["safety_filter"]`` of a step; of N environments with N entries."""
+        """Add the report ``info["safety_filter"]`` of a step, of one environment or of N."""
         status = np.atleast_1d(report["status"]).astype(np.int64)
         self._counts += np.bincount(status, minlength=len(FilterStatus))
         self._intervention += float(np.sum(report["intervention"]))
@@ -38,19 +38,22 @@ class FilterLog:
         self._least = np.fmin(self._least, np.fmin.reduce(h, axis=0))
 
     def scalars(self) -> dict[str, float]:
-        """Return name → value since the last call, and begin anew; nothing without a report."""
+        """Return name → value of the reports since the last call, and forget them.
+
+        Without a report the dict is empty.
+        """
+        scalars: dict[str, float] = {}
         total = int(self._counts.sum())
-        found: dict[str, float] = {}
         if total:
-            shares = zip(FilterStatus, (self._counts / total).tolist(), strict=True)
-            found = {f"filter/status_{status.name}": share for status, share in shares}
-            found["filter/intervention"] = self._intervention / total
+            for status, reports in zip(FilterStatus, self._counts.tolist(), strict=True):
+                scalars[f"filter/status_{status.name}"] = reports / total
+            scalars["filter/intervention"] = self._intervention / total
             for rank in np.unique(self._ranks).tolist():
                 least = float(np.min(self._least[self._ranks == rank]))
                 if np.isfinite(least):
-                    found[f"filter/least_h_rank_{rank}"] = least
+                    scalars[f"filter/least_h_rank_{rank}"] = least
         self._clear()
-        return found
+        return scalars
 
     def _clear(self) -> None:
         self._counts = np.zeros(len(FilterStatus), dtype=np.int64)

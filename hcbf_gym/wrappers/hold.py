@@ -1,4 +1,4 @@
-"""Decisions that are held for several control steps."""
+"""HoldAction: an action that is held for several control steps counts as one decision."""
 
 from typing import Any
 
@@ -14,10 +14,10 @@ from hcbf_gym.errors import InvalidInputError, count
 from hcbf_gym.wrappers.arguments import record
 
 SUMMED = ("cost", "costs", "fallbacks")
-"""Infos that a held decision sums over its steps, beside the reward's terms."""
 LEAST = ("min_h",)
 GREATEST = ("status", "reason", "slack", "model_error", "obstacle_force")
 AVERAGED = ("u_safe", "intervention", "deadlock")
+"""How infos of several steps become one. The reward's terms are summed; all others are the last."""
 
 
 class HoldAction(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
@@ -25,12 +25,12 @@ class HoldAction(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     Rewards, their terms in the infos, `cost` and `costs` are summed; `min_h` is the least; of the
     filter's report, `status`, `reason`, `slack` and `model_error` are the greatest, `u_safe`,
-    `intervention` and `deadlock` the mean, `fallbacks` the sum. All else is of the last step. Put
-    it outside the filter, which then looks at every step.
+    `intervention` and `deadlock` the mean, `fallbacks` the sum. All other infos are of the last
+    step. It belongs outside the filter, which then filters in every step.
 
     Args:
         env: any environment, filtered or not.
-        steps: for which an action is held.
+        steps: the number of steps for which an action is held.
 
     Raises:
         InvalidInputError: if `steps` is no integer from 1 on.
@@ -42,29 +42,29 @@ class HoldAction(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         gym.Wrapper.__init__(self, env)
 
     def step(self, action: ActType) -> tuple[ObsType, float, bool, bool, Info]:
-        """Hold the action and return what came of it."""
+        """Hold the action; return the last observation, summed reward, ends and merged infos."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         total = float(reward)
         for k in range(2, self.steps + 1):
             if terminated or truncated:
                 break
-            observation, reward, terminated, truncated, now = self.env.step(action)
+            observation, reward, terminated, truncated, step_info = self.env.step(action)
             total += float(reward)
-            info = _merge(info, now, k)
+            info = _merge(info, step_info, k)
         return observation, total, terminated, truncated, info
 
 
 class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
     """`HoldAction` for the native vector environment: equal to it around each single environment.
 
-    An environment whose episode ends within a hold reports what it had then; it starts over when
+    An environment whose episode ends within a hold reports its state of that time. It is reset when
     the hold is over.
 
     Args:
         env: ``gym.make_vec("HCBF-Regions-v0", num_envs=N, autoreset_mode="Disabled")``, possibly in
             vector wrappers.
-        steps: for which an action is held.
-        autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled", of the held decisions.
+        steps: the number of steps for which an action is held.
+        autoreset_mode: Gymnasium's "NextStep", "SameStep" or "Disabled", for held decisions.
 
     Raises:
         InvalidInputError: if `steps` is no integer from 1 on, the environment resets itself,
@@ -102,62 +102,67 @@ class VectorHoldAction(VectorWrapper, RecordConstructorArgs):
         return self.env.reset(seed=seed, options=options)
 
     def step(self, actions: Any) -> tuple[Any, Array, Mask, Mask, Info]:
-        """Hold the actions and return what came of them."""
+        """Hold the actions; return last observations, summed rewards, ends and merged infos."""
         observation, reward, terminated, truncated, infos = self.env.step(actions)
         for k in range(2, self.steps + 1):
             running = ~(terminated | truncated)
             if not running.any():
                 break
-            now, gained, ends, stops, report = self.env.step(actions)
-            observation = np.where(running[:, None], now, observation)
-            reward = reward + running * gained
-            terminated, truncated = terminated | running & ends, truncated | running & stops
-            infos = _merge(infos, report, k, running)
-        return self._start_over(observation, reward, terminated, truncated, infos)
+            seen, step_reward, terminates, truncates, step_infos = self.env.step(actions)
+            observation = np.where(running[:, None], seen, observation)
+            reward = reward + running * step_reward
+            terminated = terminated | (running & terminates)
+            truncated = truncated | (running & truncates)
+            infos = _merge(infos, step_infos, k, running)
+        return self._reset_ended(observation, reward, terminated, truncated, infos)
 
-    def _start_over(
+    def _reset_ended(
         self, observation: Any, reward: Array, terminated: Mask, truncated: Mask, infos: Info
     ) -> tuple[Any, Array, Mask, Mask, Info]:
-        """Restart environments as the mode requires."""
+        """Reset the environments whose episodes have ended, as the autoreset mode requires."""
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
             restarted = self._ended
             fresh, fresh_infos = self.env.reset(options={"reset_mask": restarted})
             observation = np.where(restarted[:, None], fresh, observation)
             reward = np.where(restarted, 0.0, reward)
             terminated, truncated = terminated & ~restarted, truncated & ~restarted
-            vector_infos.put(infos, restarted, fresh_infos)
+            vector_infos.replace_masked(infos, restarted, fresh_infos)
         ended = terminated | truncated
         self._ended = ended
         if self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
             fresh, fresh_infos = self.env.reset(options={"reset_mask": ended})
-            vector_infos.start_over(infos, ended, observation, fresh_infos)
+            vector_infos.move_to_final(infos, ended, observation, fresh_infos)
             observation = np.where(ended[:, None], fresh, observation)
         return observation, reward, terminated, truncated, infos
 
 
-def _merge(held: Info, now: Info, count: int, running: Mask | None = None) -> Info:
-    """Return the infos of a decision so far."""
+def _merge(held: Info, step: Info, k: int, running: Mask | None = None) -> Info:
+    """Return the infos of k steps of a decision, from the merged first k − 1 and from step k.
+
+    Environments (N,) that are not `running` keep theirs, as their episodes ended before step k.
+    """
     merged: Info = {}
-    for key, value in now.items():
+    for key, value in step.items():
         if key not in held:
             merged[key] = value
         elif isinstance(value, dict):
-            merged[key] = _merge(held[key], value, count, running)
+            merged[key] = _merge(held[key], value, k, running)
         else:
-            merged[key] = _combine(key, held[key], value, count)
+            merged[key] = _combine(key, held[key], value, k)
             if running is not None and not running.all():
-                where = running.reshape(-1, *[1] * (np.ndim(value) - 1))
-                merged[key] = np.where(where, merged[key], held[key])
+                is_running = running.reshape(-1, *[1] * (np.ndim(value) - 1))
+                merged[key] = np.where(is_running, merged[key], held[key])
     return merged
 
 
-def _combine(key: str, held: Any, now: Any, count: int) -> Any:
+def _combine(key: str, held: Any, value: Any, k: int) -> Any:
+    """Return one info of k steps, from that of the first k − 1 and that of step k."""
     if key.startswith("reward_") or key in SUMMED:
-        return held + now
+        return held + value
     if key in LEAST:
-        return np.minimum(held, now)
+        return np.minimum(held, value)
     if key in GREATEST:
-        return np.maximum(held, now)
+        return np.maximum(held, value)
     if key in AVERAGED:
-        return held + (now - held) / count
-    return now
+        return held + (value - held) / k
+    return value

@@ -1,4 +1,4 @@
-"""Rewards that charge a policy for what its safety filter had to change."""
+"""InterventionPenalty: a reward that charges a policy for its filter's changes of the action."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ from hcbf_gym.wrappers.safety_filter import SafetyFilter
 from hcbf_gym.wrappers.vector_safety_filter import VectorSafetyFilter
 
 
-def _check_filtered(env: Any, kind: type) -> None:
-    """Refuse an environment without a filter."""
+def _check_filtered(env: Any, wrapper: type) -> None:
+    """Refuse an environment without a filter of the given class in it."""
     while env is not env.unwrapped:
-        if isinstance(env, kind):
+        if isinstance(env, wrapper):
             return
         env = env.env
-    raise InvalidInputError(f"environment: no safety filter in it, expected a {kind.__name__}")
+    raise InvalidInputError(f"environment: no safety filter in it, expected a {wrapper.__name__}")
 
 
 class InterventionPenalty(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
@@ -30,7 +30,7 @@ class InterventionPenalty(gym.Wrapper[ObsType, ActType, ObsType, ActType], Recor
 
     Args:
         env: an environment in a `SafetyFilter`.
-        weight: [s²/m], not negative.
+        weight: reward per intervention [s²/m], not negative.
 
     Raises:
         InvalidInputError: if there is no filter, or the weight is negative or not finite.
@@ -66,12 +66,12 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
         _check_filtered(env, VectorSafetyFilter)
         self.weight = finite_float("weight", weight, minimum=0.0)
         VectorWrapper.__init__(self, env)
-        self._fresh = np.zeros(env.num_envs)
+        self._zeros = np.zeros(env.num_envs)
         self._reporter = Reporter(env, "reward_intervention")
 
     @property
     def autoreset_mode(self) -> AutoresetMode:
-        """When the environments reset themselves."""
+        """Gymnasium's autoreset mode of the environment."""
         return self.metadata["autoreset_mode"]
 
     def reset(
@@ -79,17 +79,17 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
     ) -> tuple[Any, Info]:
         """Reset the filtered environments; a reset charges nothing."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._reporter.at_reset(info, self._fresh, options)
+        self._reporter.at_reset(info, self._zeros, options)
         return observation, info
 
     def step(self, actions: Array) -> tuple[Any, Array, Mask, Mask, Info]:
         """Step the filtered environments and charge the interventions."""
         observation, reward, terminated, truncated, info = self.env.step(actions)
         intervention = info["safety_filter"]["intervention"]
-        if "final_info" in info:  # what belongs to the step, where the environment was reset in it
+        if "final_info" in info:  # of the environments that were reset within the step
             of_step = info["final_info"]["safety_filter"]["intervention"]
             intervention = np.where(info["_final_info"], of_step, intervention)
         penalty = -self.weight * intervention
         reward = reward + penalty
-        self._reporter.at_step(info, penalty, self._fresh, terminated | truncated)
+        self._reporter.at_step(info, penalty, self._zeros, terminated | truncated)
         return observation, reward, terminated, truncated, info

@@ -95,15 +95,7 @@ class SafetyFilter(
         **options: Any,
     ):
         settings = FilterSettings(
-            program,
-            rows,
-            guidance,
-            margin,
-            solver,
-            on_alarm,
-            allow_late_inputs,
-            options,
-            strict,
+            program, rows, guidance, margin, solver, on_alarm, allow_late_inputs, options, strict
         )
         record_filter(self, env, gym.Env, plant, settings, certificate)
         gym.Wrapper.__init__(self, env)
@@ -113,7 +105,7 @@ class SafetyFilter(
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What the environment is made from again; as JSON without a plant of one's own."""
+        """The id and arguments that make it again, as JSON only without an argument `plant`."""
         spec = super().spec
         return with_plant(spec) if self._has_own_plant and spec is not None else spec
 
@@ -123,18 +115,18 @@ class SafetyFilter(
         """Start a new episode, and report on its first state."""
         self._begun = False
         observation, info = self.env.reset(seed=seed, options=options)
-        return self._first(observation, info, joins=False)
+        return self._begin_with(observation, info, joins=False)
 
     def join(self, observation: ObsType, info: Info) -> tuple[ObsType, Info]:
         """Begin to filter an episode that runs already, or whose scene has just changed.
 
         Args:
-            observation: the environment's last one.
-            info: the environment's last one; it gets the filter's entry.
+            observation: the environment's last observation.
+            info: the environment's last infos, to which the filter's entry is added.
         """
-        return self._first(observation, info, joins=True)
+        return self._begin_with(observation, info, joins=True)
 
-    def _first(self, observation: ObsType, info: Info, *, joins: bool) -> tuple[ObsType, Info]:
+    def _begin_with(self, observation: ObsType, info: Info, *, joins: bool) -> tuple[ObsType, Info]:
         """Begin to filter an episode, and write the report of its first state."""
         self._see(observation, info)
         info["safety_filter"] = self._begin(np.ones(1, dtype=np.bool_), joins)

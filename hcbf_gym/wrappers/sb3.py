@@ -34,8 +34,8 @@ class Sb3VecEnv(VecEnv):
         InvalidInputError: if the environment resets itself.
 
     Attributes:
-        applied: (N, 2) what reached the robots in the last step, in [−1, 1]; the mean where a
-            decision is held. It differs from the action where a filter stands between.
+        applied: (N, 2) the actions that reached the robots in the last step, in [−1, 1], after a
+            filter's changes; their mean where a decision is held.
     """
 
     def __init__(self, env: VectorEnv):
@@ -47,7 +47,7 @@ class Sb3VecEnv(VecEnv):
         bounds = env.single_action_space
         assert isinstance(bounds, spaces.Box)
         self._center = 0.5 * (bounds.high + bounds.low).astype(np.float64)
-        self._reach = 0.5 * (bounds.high - bounds.low).astype(np.float64)
+        self._half_range = 0.5 * (bounds.high - bounds.low).astype(np.float64)
         self.applied = np.zeros((env.num_envs, 2))
         self._actions = self.applied
         self._returns = np.zeros(env.num_envs)
@@ -56,7 +56,7 @@ class Sb3VecEnv(VecEnv):
         super().__init__(env.num_envs, env.single_observation_space, normalized)
 
     def reset(self) -> Array:
-        """Start new episodes everywhere, with the seed that `seed` left."""
+        """Start new episodes everywhere, with the seed that the method `seed` set."""
         observation, infos = self.env.reset(seed=self._seeds[0])
         self.reset_infos = _split(infos)
         self._reset_seeds()
@@ -65,15 +65,15 @@ class Sb3VecEnv(VecEnv):
         return observation
 
     def step_async(self, actions: Array) -> None:
-        """Take the actions (N, 2) in [−1, 1]."""
+        """Store the actions (N, 2) in [−1, 1] for `step_wait`."""
         self._actions = np.asarray(actions, dtype=np.float64)
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[Info]]:
-        """Step, and restart what has ended."""
-        u = self._center + self._reach * self._actions
+        """Step all environments with the stored actions, and reset those that have ended."""
+        u = self._center + self._half_range * self._actions
         observation, reward, terminated, truncated, info = self.env.step(u)
         safe = info["safety_filter"]["u_safe"] if "safety_filter" in info else u
-        self.applied = (safe - self._center) / self._reach
+        self.applied = (safe - self._center) / self._half_range
         self._returns += reward
         self._lengths += 1
         infos = _split(info)
@@ -106,21 +106,13 @@ class Sb3VecEnv(VecEnv):
         return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: object, indices: Any = None) -> None:
-        """Refuse: the environments share their attributes.
-
-        Raises:
-            InvalidInputError: always.
-        """
+        """Raise an `InvalidInputError`, because the environments share their attributes."""
         raise InvalidInputError(
             f"set_attr: got {attr_name!r}, expected the environment's own calls"
         )
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
-        """Refuse: there are no single environments to call.
-
-        Raises:
-            InvalidInputError: always.
-        """
+        """Raise an `InvalidInputError`, because there are no single environments to call."""
         raise InvalidInputError(f"env_method: got {method_name!r}, expected the vector's own calls")
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
@@ -129,7 +121,7 @@ class Sb3VecEnv(VecEnv):
 
 
 class FilterCallback(BaseCallback):
-    """Logs what the filter did between two updates, for TensorBoard or whatever SB3 logs to.
+    """Logs the filters' reports between two updates to TensorBoard, or any other logger of SB3.
 
     ``filter/status_…`` is the share of each status, ``filter/least_h_rank_…`` the least h of each
     rank, ``filter/intervention`` the mean of ‖u − u*‖, over all environments, which must be
@@ -157,10 +149,10 @@ class FilterCallback(BaseCallback):
 
 
 def _split(infos: Info) -> list[Info]:
-    """Return each environment's infos, as a single environment gives them."""
+    """Return the N infos of single environments, from those of the vector environment."""
     columns = {
         key: _split(value) if isinstance(value, dict) else value
         for key, value in infos.items()
-        if not key.startswith("_")
+        if not key.startswith("_")  # a mask of the environments that report
     }
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -16,25 +16,23 @@ from hcbf_gym.errors import InvalidInputError, as_array
 from hcbf_gym.filter.settings import FilterSettings
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.wrappers.arguments import record_filter
-from hcbf_gym.wrappers.checks import INFO
 from hcbf_gym.wrappers.filter_base import FilterBase
 from hcbf_gym.wrappers.infos import joined, reported
 
 
 class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
-    """`SafetyFilter` around N plants: all actions in one compiled call, where inputs are two.
+    """`SafetyFilter` around N plants, which filters all actions of two inputs in one compiled call.
 
     It wraps ``gym.make_vec("HCBF-Regions-v0", num_envs=N)``, or any vector environment of Gymnasium
-    with its `plant`, whose readers return what they know of all N: states (N, n) or an `Estimate`
-    of as many, and barriers as one list for all, N lists, or, of planar double integrators, a
-    `BarrierSet` of N scenes, which is the fastest. A state that is not finite brakes its plant
-    alone.
+    with a `plant`. The plant's readers return the state of all N, as (N, n) or as one `Estimate`,
+    and the barriers as one list for all or as N lists. Of planar double integrators, a `BarrierSet`
+    of N scenes is the fastest. A state that is not finite brakes its plant alone.
 
     Args:
         env: possibly wrapped; wrappers that change actions belong outside the filter.
-        plant: None takes ``env.unwrapped.plant``. `to_action` and `from_action` get the inputs and
-            the actions of all N.
-        threads: how many cores filter at once; the answer is the same.
+        plant: the plant that all N share; None takes ``env.unwrapped.plant``. `to_action` and
+            `from_action` get the inputs and the actions of all N.
+        threads: the number of cores that filter at once; the results are the same.
 
     All other arguments are those of `SafetyFilter`.
 
@@ -58,15 +56,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         **options: Any,
     ):
         settings = FilterSettings(
-            program,
-            rows,
-            guidance,
-            margin,
-            None,
-            on_alarm,
-            allow_late_inputs,
-            options,
-            strict,
+            program, rows, guidance, margin, None, on_alarm, allow_late_inputs, options, strict
         )
         record_filter(self, env, VectorEnv, plant, settings, certificate, threads=threads)
         VectorWrapper.__init__(self, env)
@@ -82,7 +72,7 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
 
     @property
     def autoreset_mode(self) -> AutoresetMode:
-        """How the environment starts over."""
+        """Gymnasium's autoreset mode of the environment."""
         return self.env.metadata["autoreset_mode"]
 
     def reset(
@@ -92,22 +82,25 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
         options: dict[str, object] | None = None,
     ) -> tuple[Any, Info]:
         """Start new episodes and report on their first states."""
-        begun, self._begun = self._begun, False
+        had_begun, self._begun = self._begun, False
         mask = np.ones(self.num_envs, dtype=np.bool_)
         if options is not None and "reset_mask" in options:
             mask = as_array("reset_mask", options["reset_mask"])
-        given = None if options is None else dict(options)  # Gymnasium takes the mask out of it
-        observation, info = self.env.reset(seed=cast(Any, seed), options=given)
+        copy = None if options is None else dict(options)  # Gymnasium takes the mask out of it
+        observation, info = self.env.reset(seed=cast(Any, seed), options=copy)
         self._see(observation, info, mask)
         self._reporter.at_reset(info, self._begin(mask), options)
-        self._begun = begun or bool(mask.all())
+        self._begun = had_begun or bool(mask.all())
         return observation, info
 
     def _see(self, observation: object, info: Info, begins: Mask | None = None) -> None:
-        """Note what readers look at, with NaN for unreported values."""
+        """Store the data that readers read, with NaN for unreported infos.
+
+        Where only some episodes begin, in the mask (N,), the others keep their infos.
+        """
         before = self._info
         super()._see(observation, info)
-        if self._copies[INFO]:
+        if self._copies_info:
             self._info = reported(self._info)
             if begins is not None and not begins.all():
                 self._info = joined(self._info, before, begins)

@@ -88,7 +88,7 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
         if heading is not None:
             choose("heading", heading, HEADINGS)
         scenes = SceneSource(scenario)
-        scene, walker = scenes.own, Walker.load(robot)
+        scene, walker = scenes.own_scene, Walker.load(robot)
         self.contract = walker
         simulation = WalkerPhysics(
             walker,
@@ -114,7 +114,7 @@ class WalkerRegionsEnv(RobotRegionsEnv[WalkerDrive]):
     @property
     def fastest(self) -> float:
         """The greatest speed that the rows of the speed limit leave the robot [m/s]."""
-        model = self._known
+        model = self._plant_model
         return float(braking.speed_left(model.v_max, model.uncertainty.speed))
 
     def _stopped(self) -> bool:

@@ -226,7 +226,7 @@ def test_a_floor_has_doorways_open_and_shut_and_differs_in_every_episode():
     shut, starts = set(), set()
     for seed in SEEDS:
         layout = drawn(seed, "random-map")
-        walls = regions(seed, "random-map")[2 : 2 + rooms.INNER]
+        walls = regions(seed, "random-map")[2 : 2 + rooms.INNER_WALLS]
         lengths = 2.0 * walls[: 2 * rooms.COLUMNS, columns.RADIUS].reshape(rooms.COLUMNS, 2)
         apart = np.diff(walls[: 2 * rooms.COLUMNS, columns.X].reshape(rooms.COLUMNS, 2))[:, 0]
         gaps = apart - lengths.mean(axis=1)
