@@ -39,8 +39,7 @@ OWN = {
 """name → command of this package."""
 PARSING = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
 """Options of tyro for all commands; None cannot be typed as an argument."""
-_FRAMES = re.compile(r"[─-╿]|-{3,}")
-"""The lines of the boxes that tyro and other packages draw around their messages."""
+_FRAMES = re.compile(r"[─-╿]|-{3,}")  # the boxes that tyro draws around messages
 
 
 def commands() -> dict[str, Subcommand]:
@@ -49,11 +48,7 @@ def commands() -> dict[str, Subcommand]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command that the arguments name, or print the list of commands.
-
-    Args:
-        arguments: the command's name and its arguments; those of the process unless given.
-    """
+    """Run the command that the arguments, by default the process's, name, or list all commands."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if not arguments or arguments[0] in ("-h", "--help"):
@@ -71,8 +66,8 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
     """Run a module's `main` with its `Args`; an error or Ctrl-C ends the process with one line.
 
     Args:
-        name: the name of the module. Its docstring is the help, and its `RESUMED`, if it has one,
-            is a sentence about how an interrupted run resumes.
+        name: the module's name. Its docstring is the help; its `RESUMED`, if it has one, states how
+            an interrupted run resumes.
         program: the program's name in the help.
         arguments: the command's arguments; those from "--ros-args" on are left to ROS.
     """
@@ -109,13 +104,9 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
 
 
 def _parsed(args: type, program: str, description: str, arguments: Sequence[str]) -> Any:
-    """Return the dataclass `args` of a command's arguments.
-
-    An invalid argument ends the process with one line, in the place of tyro's box.
-    """
-    parse = functools.partial(
-        tyro.cli, args, prog=program, description=description, args=arguments, config=PARSING
-    )
+    """Return the dataclass `args` of arguments; an invalid one ends the process with one line."""
+    options = {"prog": program, "description": description, "config": PARSING}
+    parse = functools.partial(tyro.cli, args, args=arguments, **options)
     if {"-h", "--help"} & set(arguments):  # the help is printed as tyro lays it out
         return parse()
     printed = io.StringIO()
@@ -135,7 +126,7 @@ def _one_line(text: object) -> str:
 def _describe(args: type) -> None:
     """Give the fields of a dataclass their help, from the docstrings of the class and its bases.
 
-    Line breaks are removed. A default that is empty is not shown: the text states its meaning.
+    An empty default is not shown, because the text states its meaning.
     """
     texts = {
         parameter.arg_name: " ".join((parameter.description or "").split())

@@ -59,14 +59,9 @@ class MissingDependencyError(HcbfError, ImportError):
     """An optional dependency is needed; the message names the extra that brings it."""
 
 
-MAX_SHOWN = 400
-"""The number of characters of a value that a message shows at most."""
-
-MAX_COUNT = 10_000_000
-"""The largest number that `count` accepts unless it is given another."""
-
-MAX_NESTING = 64
-"""How deep lists of numbers may be nested: a NumPy array has no more axes."""
+MAX_SHOWN = 400  # the number of characters of a value that a message shows at most
+MAX_COUNT = 10_000_000  # the largest number that `count` accepts unless it is given another
+MAX_NESTING = 64  # how deep lists of numbers may be nested: a NumPy array has no more axes
 
 UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
 """The errors that reading a malformed result of a user's function raises."""
@@ -111,12 +106,7 @@ def warned_once() -> Iterator[None]:
 
 
 def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
-    """Return ``choices[name]``.
-
-    Args:
-        kind: what the choices are, for the message: "program", …
-        name: the key of the choice.
-        choices: name → choice.
+    """Return ``choices[name]``; the message of an error calls it a `kind` ("program", …).
 
     Raises:
         UnknownNameError: if there is no such name; the message lists the names that exist.
@@ -195,8 +185,7 @@ def install(extra: str) -> str:
     )
 
 
-_REQUIREMENTS = {"mujoco": "mujoco>=3.11", "pinocchio": "pin>=4.0"}
-"""Module → the requirement that pip installs."""
+_REQUIREMENTS = {"mujoco": "mujoco>=3.11", "pinocchio": "pin>=4.0"}  # module → what pip installs
 
 
 def require_packages(what: str, *modules: str) -> None:
@@ -287,9 +276,9 @@ def finite_array(
 
 
 def floats(name: str, value: object, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
-    """Return `value` as an array of floats that retains its 32 or 64 bits.
+    """Return `value` as an array that retains its 32 or 64 bits; Python's numbers have 64.
 
-    Python's numbers have 64 bits. Entries may be NaN or infinite. A shape of None accepts any.
+    Entries may be NaN or infinite. A shape of None accepts any.
 
     Raises:
         InvalidInputError: on arrays of integers, half precision, truth values, complex numbers,

@@ -88,11 +88,7 @@ _opened: dict[ModuleType, dict[str, str]] = {}
 
 
 def _module(source: str) -> ModuleType:
-    """Return an imported module, and record the files that it read, even if it was imported before.
-
-    Args:
-        source: the module's name, or ``file.py``.
-    """
+    """Return a module, and record the files that it read when it was imported first."""
     with opened.recorded() as read:
         module = _imported(source)
     opened.note(_opened.setdefault(module, read))
@@ -114,12 +110,7 @@ def _imported(source: str) -> ModuleType:
 
 @functools.cache
 def _of_file(file: Path, modified: int) -> ModuleType:
-    """Return the module of a file, under a name that no other file has.
-
-    Args:
-        file: the absolute path.
-        modified: when it was modified [ns]; an edited file is imported anew.
-    """
+    """Return the module of a file, which is imported anew if it was modified since [ns]."""
     if str(file.parent) not in sys.path:
         sys.path.insert(0, str(file.parent))  # as Python does for a script
     name = f"hcbf_own_{file.stem}_{zlib.crc32(str(file).encode()):08x}"
@@ -190,12 +181,7 @@ def _fits(shape: list[int | str | None], size: int) -> bool:
 
 @functools.cache
 def _session(path: Path, modified: int) -> Any:
-    """Return onnxruntime's session of a file, which all environments share.
-
-    Args:
-        path: the file.
-        modified: when it was modified [ns]; an edited file is loaded anew.
-    """
+    """Return onnxruntime's session of a file, which all share until it is modified [ns]."""
     onnxruntime: Any = importlib.import_module("onnxruntime")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -19,10 +19,8 @@ from typing import Any
 
 from hcbf_gym import sources
 
-MISSING = "missing"
-"""The content of a file that does not exist, in the place of a hash."""
-_WRITTEN = ""
-"""The content of a file that the work itself writes, in the place of a hash."""
+MISSING = "missing"  # the content of a file that does not exist, in the place of a hash
+_WRITTEN = ""  # the content of a file that the work itself writes, in the place of a hash
 _VERSIONED_FOLDERS = tuple(
     f"{os.path.realpath(folder)}{os.sep}"
     for folder in (

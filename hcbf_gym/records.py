@@ -14,25 +14,16 @@ import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, choose, shown, text
 
-MAX_PATH_LENGTH = 4000
-"""The longest path [characters]; Linux allows 4096 bytes, and files get longer names inside."""
-MAX_PART_BYTES = 255
-"""The longest name of a file or a folder on usual file systems [byte]."""
-MAX_NAME_BYTES = 200
-"""The longest name that becomes part of a file's name [byte]."""
-SETTINGS = "settings.json"
-"""The file with a study's settings, which its folder contains before there is a result."""
+MAX_PATH_LENGTH = 4000  # the longest path [characters]; Linux allows 4096 bytes
+MAX_PART_BYTES = 255  # the longest name of a file or a folder on usual file systems [byte]
+MAX_NAME_BYTES = 200  # the longest name that becomes part of a file's name [byte]
+SETTINGS = "settings.json"  # a study's settings, which its folder has before there is a result
 
 _made_folders: ContextVar[list[Path] | None] = ContextVar("made_folders", default=None)
 
 
 def to_dict(record: Any, kinds: Mapping[str, type]) -> dict[str, Any]:
-    """Return ``{"kind": …, field: value, …}`` of a dataclass, in JSON's terms.
-
-    Args:
-        record: the dataclass.
-        kinds: name → class, of which one is the record's.
-    """
+    """Return ``{"kind": …, field: value, …}`` in JSON's terms, of a dataclass among `kinds`."""
     kind = next(name for name, cls in kinds.items() if type(record) is cls)
     return {"kind": kind} | {f.name: plain(getattr(record, f.name)) for f in fields(record)}
 
@@ -57,25 +48,15 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
 
 
 def build(what: str, cls: type, values: Mapping[str, object]) -> Any:
-    """Return an object of the dataclass `cls`.
-
-    Args:
-        what: what the object is, in messages.
-        cls: the dataclass.
-        values: field → value.
+    """Return an object of the dataclass `cls` from field → value; messages call it `what`.
 
     Raises:
         InvalidInputError: if a field is missing or unknown; the message lists the fields.
     """
     assert is_dataclass(cls)
     known = [field.name for field in fields(cls)]
-    missing = [
-        field.name
-        for field in fields(cls)
-        if field.name not in values
-        and field.default is MISSING
-        and field.default_factory is MISSING
-    ]
+    unset = [field for field in fields(cls) if field.name not in values]
+    missing = [f.name for f in unset if f.default is MISSING and f.default_factory is MISSING]
     unknown = sorted(set(values) - set(known))
     if unknown or missing:
         raise InvalidInputError(
@@ -156,13 +137,9 @@ def expanded(what: str, path: str) -> str:
 def check_place(name: str, path: Path, *, makes: bool = True) -> None:
     """Refuse a path where no folder or file can be.
 
-    Args:
-        name: the argument's name, for the message.
-        path: the path.
-        makes: whether its missing folders are to be made, where no file may be in the way.
-
     Raises:
-        InvalidInputError: if the path or a part of it is too long, or a file is in the way.
+        InvalidInputError: if the path or a part of it is too long, or, if `makes`, a file is where
+            a folder is to be made.
     """
     full_path = path.absolute()
     is_too_long = len(str(full_path)) > MAX_PATH_LENGTH

@@ -60,11 +60,7 @@ def _packages_hash() -> str:
 
 
 def of_user(file: Path) -> list[Path]:
-    """Return a user's Python file and the files that it imports.
-
-    These are files of its folder, or all files of the package that it belongs to. A file of
-    this repository's packages has none: their versions are known.
-    """
+    """Return a user's Python file and its imports: files of its folder, or its whole package."""
     top = file.parent
     while (top / "__init__.py").is_file():
         top = top.parent

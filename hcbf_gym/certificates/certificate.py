@@ -21,7 +21,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from hcbf_gym import records
 from hcbf_gym.certificates import sequential
@@ -29,10 +29,8 @@ from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum, check_coun
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Uncertainty
 
-SEEDS = 100_000_000
-"""The number of seeds that each `--seed` has; certificates draw from the second half of them."""
-TRY_SEEDS = 1_000_000
-"""The number of seeds that each try has."""
+SEEDS = 100_000_000  # the seeds of each `--seed`; certificates draw from the second half of them
+TRY_SEEDS = 1_000_000  # the number of seeds that each try has
 PATTERNS = {
     "version": (r"\d+\.\d+\.\d+(\.dev\d+)?", "one such as '0.2.0'"),
     "commit": (
@@ -41,18 +39,8 @@ PATTERNS = {
     ),
 }
 """Text field → the pattern that it matches, and the pattern in words."""
-CALIBRATED = ("distance", "speed")
-"""The fields of `Uncertainty` that a calibration sets."""
-TOTALS = ("episodes", "entered", "falls", "alarms")
-"""The fields that count episodes."""
-
-
-class DerivedValue(NamedTuple):
-    """A value that follows from other fields of a certificate."""
-
-    source: str  # the fields that it follows from
-    field: str
-    value: float
+CALIBRATED = ("distance", "speed")  # the fields of `Uncertainty` that a calibration sets
+TOTALS = ("episodes", "entered", "falls", "alarms")  # the fields that count episodes
 
 
 def first_seed(seed: int, attempt: int) -> int:
@@ -149,24 +137,19 @@ class Certificate:
         if why:
             raise InvalidInputError(f"certificate: {why}")
 
-    def _derived_values(self) -> Iterator[DerivedValue]:
-        """Yield all values that follow from other fields."""
-        first = first_seed(self.first_seed // SEEDS, self.attempt)
-        yield DerivedValue("the try", "first_seed", first)
+    def _derived_values(self) -> Iterator[tuple[str, str, float]]:
+        """Yield (source, field, value) of all fields that follow from others, the source."""
+        yield "the try", "first_seed", first_seed(self.first_seed // SEEDS, self.attempt)
         needed = sequential.episodes_needed(self.bound, self.entered, self.doubt)
-        yield DerivedValue("the bound", "episodes", needed)
-        e_value = sequential.e_value(self.entered, self.episodes, self.bound)
-        yield DerivedValue("the bound", "e_value", e_value)
+        yield "the bound", "episodes", needed
+        yield "the bound", "e_value", sequential.e_value(self.entered, self.episodes, self.bound)
         for name in ("episodes", "entered"):
-            total = sum(getattr(stratum, name) for stratum in self.strata)
-            yield DerivedValue("the sum of strata", name, total)
+            yield "the sum of strata", name, sum(getattr(stratum, name) for stratum in self.strata)
         least = min((stratum.least_h for stratum in self.strata), default=math.inf)
-        yield DerivedValue("the least of strata", "least_h", least)
+        yield "the least of strata", "least_h", least
         for name in ("entered", "falls", "alarms", "pressed"):
-            total = sum(getattr(block, name) for block in self.blocks)
-            yield DerivedValue("the sum of blocks", name, total)
-        least = min(block.least_h for block in self.blocks)
-        yield DerivedValue("the least of blocks", "least_h", least)
+            yield "the sum of blocks", name, sum(getattr(block, name) for block in self.blocks)
+        yield "the least of blocks", "least_h", min(block.least_h for block in self.blocks)
 
     def _check_calibration(self) -> None:
         """Refuse rounds whose margins differ from these in a field that no calibration sets."""
@@ -183,8 +166,7 @@ class Certificate:
 
     def _check_blocks(self) -> None:
         """Refuse blocks of another number or size, or whose counts contradict their least h."""
-        expected_blocks = -(-self.episodes // BLOCK)  # rounded up
-        if len(self.blocks) != expected_blocks:
+        if len(self.blocks) != -(-self.episodes // BLOCK):  # rounded up
             raise InvalidInputError(
                 f"certificate: got {len(self.blocks)} blocks, expected one for every {BLOCK} of "
                 f"{self.episodes} episodes"
@@ -220,8 +202,7 @@ class Certificate:
         }
         bounds = {}
         for name, family_of in families.items():
-            entered: Counter[object] = Counter()
-            episodes: Counter[object] = Counter()
+            entered, episodes = Counter[object](), Counter[object]()
             for stratum in self.strata:
                 entered[family_of(stratum)] += stratum.entered
                 episodes[family_of(stratum)] += stratum.episodes

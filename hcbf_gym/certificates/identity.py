@@ -42,8 +42,7 @@ NAMED_TUPLE_FIELD = type(collections.namedtuple("_", "x").x)  # type: ignore[att
 """The type of the descriptors of a named tuple's fields."""
 UNTRACEABLE = ("eval", "exec", "globals", "locals", "__import__")
 """Built-in functions that read objects which the bytecode does not name."""
-LONG_LIST = 100
-"""A list of more floats is hashed in one piece, which is faster."""
+LONG_LIST = 100  # a list of more floats is hashed in one piece, which is faster
 
 
 class UnhashableError(HcbfError, TypeError):
@@ -139,9 +138,10 @@ class _Walk:
 
     def _numbered(self, thing: Any) -> None:
         """Hash a function, a class, a module or another object that is numbered."""
+        cls = type(thing)
         match thing:
             case enum.Enum():
-                self._add_parts("enum", type(thing), thing.name, thing.value)
+                self._add_parts("enum", cls, thing.name, thing.value)
             case types.FunctionType():
                 self._function(thing)
             case types.MethodType():
@@ -151,7 +151,7 @@ class _Walk:
             case property():
                 self._add_parts("property", thing.fget, thing.fset, thing.fdel)
             case staticmethod() | classmethod():
-                self._add_parts(type(thing).__name__, thing.__func__)
+                self._add_parts(cls.__name__, thing.__func__)
             case functools.cached_property():
                 self._add_parts("property", thing.func)
             case types.CellType():
@@ -165,15 +165,13 @@ class _Walk:
                 self._class(thing)
             case _ if isinstance(thing, NUMBERS):
                 number: Any = thing  # of a user's subclass
-                self._add_parts(
-                    "of class", type(thing), attributes(thing), *number.__getnewargs__()
-                )
-            case _ if _is_foreign_array(type(thing)):
+                self._add_parts("of class", cls, attributes(thing), *number.__getnewargs__())
+            case _ if release(cls.__module__) is not None and hasattr(cls, "__array__"):
                 self._foreign_array(thing)
-            case _ if is_opaque(type(thing)):
+            case _ if is_opaque(cls):
                 self._opaque(thing)
             case _:
-                self._add_parts("object", type(thing))
+                self._add_parts("object", cls)
                 self._add_by_name(attributes(thing))
 
     def _foreign_array(self, thing: Any) -> None:
@@ -297,11 +295,6 @@ class _Walk:
             return
         make, arguments, state, items, pairs = (*reduced, None, None, None)[:5]
         self._add_parts("pickled", make, arguments, state, list(items or ()), list(pairs or ()))
-
-
-def _is_foreign_array(cls: type) -> bool:
-    """Return whether an installed package has a class whose objects convert to NumPy arrays."""
-    return release(cls.__module__) is not None and hasattr(cls, "__array__")
 
 
 def _is_dunder(name: str) -> bool:

@@ -4,9 +4,9 @@ import copyreg
 import dis
 import functools
 import importlib.metadata
+import itertools
 import sys
 import types
-from collections.abc import Sequence
 from typing import Any
 
 from hcbf_gym import sources, version
@@ -16,6 +16,7 @@ NOT_DYNAMICS = ("_np_random", "_np_random_seed", "spec", "render_mode")
 POINTER_BYTES = 8
 GLOBAL_READS = ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS")
 ATTRIBUTE_READS = ("LOAD_ATTR", "LOAD_METHOD")
+IMPORT_PARTS = ("IMPORT_FROM", "STORE_")  # the instructions of ``from module import a, b as c``
 
 
 def attributes(thing: Any) -> dict[str, Any]:
@@ -66,19 +67,17 @@ def name_of(thing: Any) -> str:
         return ""
     owner = type(getattr(thing, "__self__", None)).__module__  # of a bound method of C
     for module in (getattr(thing, "__module__", None), owner):
-        if not isinstance(module, str):
-            continue
-        known = release(module)
+        known = release(module) if isinstance(module, str) else None
         if known is None:
             continue
         for path in (name, name.rpartition(".")[2]):
-            if _attribute_at(module, path) is thing:
+            if _attribute_at(str(module), path) is thing:
                 return f"{module} {path} {known}"
     return ""
 
 
 def _attribute_at(module: str, path: str) -> Any:
-    """Return the object that a dotted path of attributes leads to in a module; None for none."""
+    """Return the object at a dotted path of attributes in a module; None if there is none."""
     found: Any = sys.modules.get(module)
     for name in path.split("."):
         found = getattr(found, name, None)
@@ -91,9 +90,8 @@ def is_opaque(cls: Any) -> bool:
     They do if they take up more memory than an object with one pointer for each slot, for the
     dictionary of attributes and for the list of weak references.
     """
-    offsets = (cls.__dictoffset__, cls.__weakrefoffset__)
     slots = copyreg._slotnames(cls)  # type: ignore[attr-defined]
-    pointers = len(slots) + sum(offset > 0 for offset in offsets)
+    pointers = len(slots) + (cls.__dictoffset__ > 0) + (cls.__weakrefoffset__ > 0)
     return cls.__basicsize__ > object.__basicsize__ + POINTER_BYTES * pointers
 
 
@@ -112,32 +110,13 @@ def reads(code: types.CodeType) -> tuple[tuple[str, ...], ...]:
             # the level of a relative import is the number that was loaded last
             level = next(i.argval for i in reversed(before) if isinstance(i.argval, int))
             module = "." * level + name
-            taken = _names_taken(after)
+            imports = itertools.takewhile(lambda i: i.opname.startswith(IMPORT_PARTS), after)
+            taken = [i.argval for i in imports if i.opname == "IMPORT_FROM"]
             chains |= dict.fromkeys([("import", module, n) for n in taken] or [("import", module)])
         elif instruction.opname in GLOBAL_READS:
-            chains[name, *_attributes_read(after)] = None
+            attributes_read = itertools.takewhile(lambda i: i.opname in ATTRIBUTE_READS, after)
+            chains[name, *(i.argval for i in attributes_read)] = None
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):  # a function within this one
             chains |= dict.fromkeys(reads(constant))
     return tuple(chains)
-
-
-def _names_taken(instructions: Sequence[dis.Instruction]) -> list[str]:
-    """Return the names that ``from module import …`` takes, by the instructions after an import."""
-    names = []
-    for instruction in instructions:
-        if instruction.opname == "IMPORT_FROM":
-            names.append(instruction.argval)
-        elif not instruction.opname.startswith("STORE_"):
-            break
-    return names
-
-
-def _attributes_read(instructions: Sequence[dis.Instruction]) -> list[str]:
-    """Return the attributes that the first instructions read, one of the other."""
-    names = []
-    for instruction in instructions:
-        if instruction.opname not in ATTRIBUTE_READS:
-            break
-        names.append(instruction.argval)
-    return names

@@ -16,8 +16,7 @@ Ranges are JSON, in certificates and in `tested.json`:
 """
 
 from collections.abc import Mapping
-from enum import Enum, auto
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,19 +24,9 @@ from hcbf_gym import records
 from hcbf_gym.arrays import Integers
 from hcbf_gym.models.plant import Coverage, CoveredBy
 
-_ANNOTATIONS = {"unit", "words"}
-"""Keys of a range that change its text and not its values."""
+_ANNOTATIONS = {"unit", "words"}  # keys of a range that change its text and not its values
 DERIVED = {"friction_derived", "alpha_gain"}
 """Names of values that follow from other declared values; ranges end at them."""
-
-
-class RangeKind(Enum):
-    """The four kinds of ranges, see the module's docstring."""
-
-    ANY_OF = auto()
-    ENDS = auto()
-    EACH = auto()
-    VALUE = auto()
 
 
 class Judged(NamedTuple):
@@ -82,9 +71,8 @@ def judge(
             got = _outside_text(declared.get(name), expected)
             reasons.append(f"{name} {got} (tested: {words(expected)})")
     known = {"scene", *DERIVED, *ranges, *wider}
-    for name, value in declared.items():
-        if name not in known:
-            reasons.append(f"{name} {value!r} (nothing is tested of it)")
+    untested = {name: value for name, value in declared.items() if name not in known}
+    reasons += [f"{name} {value!r} (nothing is tested of it)" for name, value in untested.items()]
     if alone is not None:
         reasons += _not_alone(declared, ranges, alone)
     if reasons:
@@ -105,16 +93,9 @@ def _not_alone(
     declared: Mapping[str, object], ranges: Mapping[str, object], alone: Mapping[str, Any]
 ) -> list[str]:
     """Return a reason if an argument is in its wider range, but not as the only unusual one."""
-    wider = [
-        name
-        for name in alone["ranges"]
-        if name in ranges and not _is_within(name, ranges[name], declared)
-    ]
-    others = [
-        name
-        for name, expected in alone["others"].items()
-        if not _is_within(name, expected, declared)
-    ]
+    usual = {name: ranges[name] for name in alone["ranges"] if name in ranges}
+    wider = [n for n, expected in usual.items() if not _is_within(n, expected, declared)]
+    others = [n for n, expected in alone["others"].items() if not _is_within(n, expected, declared)]
     if not wider or (len(wider) == 1 and not others):
         return []
     return [f"alone {' and '.join([*wider, *others])} (tested: {alone['words']})"]
@@ -123,39 +104,35 @@ def _not_alone(
 def words(expected: Any) -> str:
     """Return a range in words."""
     kind = _kind(expected)
-    if kind is RangeKind.VALUE:
+    if kind == "value":
         return repr(expected)
     if "words" in expected:
         return str(expected["words"])
-    if kind is RangeKind.ANY_OF:
+    if kind == "any of":
         return " or ".join(map(words, expected["any of"]))
-    if kind is RangeKind.EACH:
+    if kind == "each":
         parts = expected["each"]
         if isinstance(parts, Mapping):
             return ", ".join(f"{name} {words(part)}" for name, part in parts.items())
         return ", ".join(map(words, parts))
-    low, high = (_end_text(expected.get(key)) for key in ("from", "to"))
+    ends = {key: expected[key] for key in ("from", "to") if key in expected}
+    text = {key: end if isinstance(end, str) else f"{end:g}" for key, end in ends.items()}
     unit = f" {expected['unit']}" if "unit" in expected else ""
-    if not low:
-        return f"at most {high}{unit}"
-    return f"{low} to {high}{unit}" if high else f"at least {low}{unit}"
+    if "from" not in text:
+        return f"at most {text['to']}{unit}"
+    return (
+        f"{text['from']} to {text['to']}" if "to" in text else f"at least {text['from']}"
+    ) + unit
 
 
-def _end_text(end: str | float | None) -> str:
-    """Return the end of a range as text; "" where it has none."""
-    if end is None or isinstance(end, str):
-        return end or ""
-    return f"{end:g}"
-
-
-def _kind(expected: Any) -> RangeKind:
-    """Return the kind of a range, by its keys."""
+def _kind(expected: Any) -> Literal["any of", "each", "ends", "value"]:
+    """Return which of the four kinds a range is, by its keys."""
     keys = set(expected) - _ANNOTATIONS if isinstance(expected, Mapping) else set()
     if keys == {"any of"}:
-        return RangeKind.ANY_OF
+        return "any of"
     if keys == {"each"}:
-        return RangeKind.EACH
-    return RangeKind.ENDS if keys and keys <= {"from", "to"} else RangeKind.VALUE
+        return "each"
+    return "ends" if keys and keys <= {"from", "to"} else "value"
 
 
 def _is_within(name: str, expected: Any, declared: Mapping[str, object]) -> bool:
@@ -166,11 +143,11 @@ def _is_within(name: str, expected: Any, declared: Mapping[str, object]) -> bool
 def _contains(expected: Any, value: Any, declared: Mapping[str, object]) -> bool:
     """Return whether a range contains a value; its ends may be names of other declared values."""
     value, kind = records.plain(value), _kind(expected)
-    if kind is RangeKind.ANY_OF:
+    if kind == "any of":
         return any(_contains(option, value, declared) for option in expected["any of"])
-    if kind is RangeKind.ENDS:
+    if kind == "ends":
         return _is_between(expected, value, declared)
-    if kind is RangeKind.VALUE:
+    if kind == "value":
         return bool(value == records.plain(expected))
     parts = expected["each"]
     if isinstance(parts, Mapping):
@@ -189,21 +166,18 @@ def _is_between(expected: Any, value: Any, declared: Mapping[str, object]) -> bo
     ends = expected.get("from", -np.inf), expected.get("to", np.inf)
     low, high = (declared.get(end) if isinstance(end, str) else end for end in ends)
     numbers = value if isinstance(value, list) else [value]
-    if not numbers or not all(map(_is_number, (low, high, *numbers))):
-        return False
-    return all(low <= number <= high for number in numbers)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    for number in (low, high, *numbers):
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            return False
+    return bool(numbers) and all(low <= number <= high for number in numbers)
 
 
 def _outside_text(value: object, expected: Any) -> str:
     """Return the text of a value outside of a range; of a record, of its parts that are outside."""
     value = records.plain(value)
-    options = expected["any of"] if _kind(expected) is RangeKind.ANY_OF else [expected]
+    options = expected["any of"] if _kind(expected) == "any of" else [expected]
     for option in options:
-        is_record = _kind(option) is RangeKind.EACH and isinstance(option["each"], Mapping)
+        is_record = _kind(option) == "each" and isinstance(option["each"], Mapping)
         if isinstance(value, Mapping) and is_record:
             return ", ".join(
                 f"{name} {value.get(name)!r}"

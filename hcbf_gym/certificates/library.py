@@ -28,11 +28,7 @@ def tested() -> Mapping[str, Any]:
 
 
 def of_another_version(certificate: Certificate | None = None) -> str:
-    """Return why no certificate, or not this one, is valid for this version; "" if it is.
-
-    Args:
-        certificate: None checks only whether any certificate is valid for this version.
-    """
+    """Return why this certificate, or any, is not valid for this version; "" if it is."""
     installed = version.VERSION
     if ".dev" in installed:
         return (
@@ -160,8 +156,7 @@ def nearest(declared: Mapping[str, Any]) -> NearestCertificate:
 def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
     """Return margins that are no smaller than those of a robot's certificate.
 
-    The certificate may have another environment. Its calibration still has more episodes than any
-    other source of margins.
+    Even in another environment, its calibration has more episodes than other sources of margins.
 
     Args:
         margins: the margins of the robot as it is used.

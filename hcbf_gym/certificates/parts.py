@@ -78,8 +78,8 @@ class Shown(NamedTuple):
     """Figures that show how hard the episodes tested rank 1, see `vacuous`.
 
     Attributes:
-        pressed: the number of episodes in which the filter changed an input that would have entered
-            rank 1 within a second.
+        pressed: the number of episodes with an input that the filter changed because it would have
+            entered rank 1 within a second.
         half_within: half of the episodes came this near to rank 1: their least h [unit of h].
         half_last: half of the episodes lasted at least so long [steps].
     """

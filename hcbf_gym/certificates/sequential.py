@@ -23,14 +23,10 @@ from typing import Any
 
 import numpy as np
 
-BET = 5.0
-"""ε/q. The wager is best if episodes enter so many times less often than the bound."""
-NEVER = 2.0
-"""If the chance is above ε over this, e falls on average, and no number of episodes certifies ε."""
-DOUBT = 1e-3
-"""The probability that a run is called hopeless although its chance is at most ε / `NEVER`."""
-LARGEST_LOG_E = 700.0
-"""ln e above which e is cut off: doubles overflow at 709."""
+BET = 5.0  # ε/q. The wager is best if episodes enter so many times less often than the bound
+NEVER = 2.0  # above ε over this, e falls on average, and no number of episodes certifies ε
+DOUBT = 1e-3  # the probability of calling a run hopeless although its chance is ε / `NEVER`
+LARGEST_LOG_E = 700.0  # ln e above which e is cut off: doubles overflow at 709
 
 
 def log_e(entered: int, episodes: int, chance: float, rival: float) -> float:

@@ -34,14 +34,11 @@ SETTINGS = record_type("estimation_tick.Settings")
 
 SETTLING = 0.01
 """The time of contact after which a foot's leg measures the trunk's velocity [s]."""
-
 SLIPPING = 0.005
 """Standard deviation of the slow slip of stance feet in the simulation itself [m/s]: some 0.6 mm in
 a stance of 0.13 s."""
-
 STANDING = 1.0
 """Time for which fixes were averaged at rest when an episode begins [s]."""
-
 BLOCK = 64
 """The number of ticks whose noise is drawn at once."""
 
@@ -141,11 +138,7 @@ class Estimator:
         return PlanarEstimate(mean[:2, :2].ravel(), covariance, self._compiled.yaw)
 
     def _next_noise(self) -> int:
-        """Return the row of the drawn noise for the next tick; draw a block if all are used.
-
-        Raises:
-            InvalidInputError: before the first reset.
-        """
+        """Return the row of the drawn noise for the next tick; draw a block if all are used."""
         if self._rng is None:
             raise InvalidInputError("estimator: got a tick, expected a reset first")
         if self._used >= BLOCK:

@@ -11,10 +11,8 @@ from hcbf_gym.records import build, check_mapping
 DEGREE = float(np.pi / 180.0)
 MAX_DELAY = 1.0
 """The age of the oldest fix that the estimator can use [s]."""
-
 LEAST = 1e-6
 """The least positive number; a quotient by it stays finite."""
-
 RANGES = {
     "rate": (LEAST, 1e4),  # [Hz]
     "noise": (LEAST, 100.0),  # [m]

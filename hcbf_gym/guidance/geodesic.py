@@ -13,18 +13,9 @@ from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, reals
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance import validation
-from hcbf_gym.guidance.field import Pull
+from hcbf_gym.guidance import scene_ground, validation
+from hcbf_gym.guidance.field import Ground, Pull
 from hcbf_gym.guidance.map_ground import MapGround
-from hcbf_gym.guidance.scene_ground import (
-    LEAST_CLEARANCE,
-    Edges,
-    corners_of,
-    edges_of,
-    ground_at,
-    mapped_regions,
-    read_scenes,
-)
 
 _Inputs = tuple[MapGround | None, bytes]
 """All that determines a field: the ground of the scene's map, and the bytes of its numbers."""
@@ -122,9 +113,8 @@ class Geodesic:
         """Compute the fields of scenes that begin, or whose goals have moved.
 
         No path leads to a goal that is not finite, outside the extent or the map, or inside a
-        strict region. No path begins at a start that is not finite or outside the extent or the
-        map. On a map there is also none where a closed region is on every path. `lost` then states
-        why.
+        strict region, nor from a start outside of them, nor, on a map, where a closed region is on
+        every path. `lost` then states why.
 
         Args:
             barriers: those of N scenes; a sequence of barriers where N is 1.
@@ -142,14 +132,14 @@ class Geodesic:
                 malformed; the fields stay as they were.
         """
         count = len(self.geometry)
-        scenes = read_scenes(barriers, count)
+        scenes = scene_ground.read_scenes(barriers, count)
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         now = np.array(np.broadcast_to(t, count), dtype=np.float64)
         goals = validation.points("goal", goal, count)
         starts = validation.points("start", start, count)
         known = chosen & np.isfinite(goals + starts).all(axis=1)
         map_grounds = self._map_grounds_of(known, scenes, clearance)
-        corners = corners_of(known, scenes, starts, goals, now, extent)
+        corners = scene_ground.corners_of(known, scenes, starts, goals, now, extent)
         geometry = self._geometry_of(known, corners, map_grounds)
         reserved = reals("clearance", clearance)
         if reserved.ndim == 0:
@@ -238,7 +228,7 @@ class Geodesic:
         self._maps = dict(scenes.atlas.held)
         repainted: dict[tuple[MapGround, tuple[MappedRegion, ...]], MapGround] = {}
         changed: dict[int, MapGround] = {}
-        for n, regions in mapped_regions(scenes).items():
+        for n, regions in scene_ground.mapped_regions(scenes).items():
             before = self._map_grounds[n]
             if before is None or before.regions == regions:
                 continue
@@ -285,13 +275,15 @@ class Geodesic:
             grounds[n] = None
         if not scenes.atlas:
             return grounds
-        reserved = max(finite_float("clearance", clearance, minimum=0.0), LEAST_CLEARANCE)
+        reserved = max(
+            finite_float("clearance", clearance, minimum=0.0), scene_ground.LEAST_CLEARANCE
+        )
         painted = {
             ground.regions: ground
             for ground in self._map_grounds
             if ground is not None and ground.clearance == reserved
         }
-        for n, regions in mapped_regions(scenes).items():
+        for n, regions in scene_ground.mapped_regions(scenes).items():
             if mask[n]:
                 if regions not in painted:
                     painted[regions] = MapGround(regions, reserved, self._opened)
@@ -364,13 +356,12 @@ class Geodesic:
             rank = map_ground.ground.rank[1:-1, 1:-1]
             fields.grid(self.zone[n], grid)[:] = np.where(rank > 1, rank, 0)
 
-    def _edges(self, n: int) -> Edges:
-        """Return the edges of scene n, which has begun."""
+    def _edges(self, n: int) -> scene_ground.Edges:
         scenes = self._scenes[n]
         assert scenes is not None
-        return edges_of(scenes, n, self._clearance)
+        return scene_ground.edges_of(scenes, n, self._clearance)
 
-    def _ground(self, n: int, t: float) -> fields.Ground:
+    def _ground(self, n: int, t: float) -> Ground:
         """Return the ground of scene n at time t [s]."""
         grid, map_ground = self.geometry[n], self._map_grounds[n]
-        return ground_at(map_ground, self._edges(n), grid, t, self._opened)
+        return scene_ground.ground_at(map_ground, self._edges(n), grid, t, self._opened)

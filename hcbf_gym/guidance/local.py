@@ -66,13 +66,7 @@ class Local:
         self.memory[slice(None) if mask is None else mask] = 0.0
 
     def write_rows(self, x: Array, t: Array, u_nominal: Array, out: Array) -> None:
-        """Write the rows ``a·u ≥ b`` of N states.
-
-        Args:
-            x: (N, 4) positions [m] and velocities [m/s].
-            t: (N,) [s].
-            u_nominal: (N, 2) u* [m/s²].
-            out: (N, 3) a_x, a_y and b, which are overwritten.
+        """Write a_x, a_y, b of the rows at states x (N, 4), times t (N,), u* (N, 2) to out (N, 3).
 
         Raises:
             InvalidInputError: before the first reset.

@@ -21,13 +21,6 @@ class Window(NamedTuple):
     end_column: int
 
 
-class PaintLayer(NamedTuple):
-    """What the classes that are painted together have in common."""
-
-    rank: int
-    clearance: float  # from the occupied squares, the margin of the class included [m]
-
-
 class MapGround:
     """The ground of a map's regions; its speed zones are open.
 
@@ -94,13 +87,13 @@ class MapGround:
             return None
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         # how far a cell raises costs; 2: distances are from its edge, and the cast rounds down
-        farthest = max(layer.clearance for layer in layers)
+        farthest = max(clearance for _, clearance in layers)
         reach = int((farthest + _core.GROUND_HALO) / self.grid.resolution) + 2
         return Window(
-            first_row=max(1, int(rows[0]) - reach),
-            end_row=min(changed.shape[0] - 1, int(rows[-1]) + 1 + reach),
-            first_column=max(1, int(columns[0]) - reach),
-            end_column=min(changed.shape[1] - 1, int(columns[-1]) + 1 + reach),
+            max(1, int(rows[0]) - reach),
+            min(changed.shape[0] - 1, int(rows[-1]) + 1 + reach),
+            max(1, int(columns[0]) - reach),
+            min(changed.shape[1] - 1, int(columns[-1]) + 1 + reach),
         )
 
     def name_at(self, j: int, i: int, rank: int) -> str:
@@ -116,12 +109,11 @@ class MapGround:
                 nearest, name = distance, repr(region.name)
         return name
 
-    def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[PaintLayer, Mask]:
-        """Return layer → (rows + 2, columns + 2) the cells that its classes occupy."""
-        layers: dict[PaintLayer, Mask] = {}
+    def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[tuple[int, float], Mask]:
+        """Return (rank, clearance) → (rows + 2, columns + 2) the cells of classes with both."""
+        layers: dict[tuple[int, float], Mask] = {}
         for region in regions:
-            layer = PaintLayer(region.priority, region.margin + self.clearance)
-            cells = _bordered(region)
+            layer, cells = (region.priority, region.margin + self.clearance), _bordered(region)
             layers[layer] = layers[layer] | cells if layer in layers else cells
         return layers
 
@@ -142,11 +134,7 @@ def _bordered(region: MappedRegion) -> Mask:
 
 
 def _grid_of(regions: tuple[MappedRegion, ...]) -> Grid:
-    """Return the grid that all classes share.
-
-    Raises:
-        InvalidInputError: if their grids differ.
-    """
+    """Return the grid that all classes share; refuse classes of different grids."""
     grid = regions[0].grid
     for region in regions:
         if region.grid != grid:

@@ -18,52 +18,29 @@ from hcbf_gym.guidance.field import Ground, open_ground
 from hcbf_gym.guidance.map_ground import MapGround
 from hcbf_gym.models.constants import FARTHEST
 
-LEAST_CLEARANCE = 0.01
-"""The least clearance of a strict edge: no path leads between two edges that touch [m]."""
+LEAST_CLEARANCE = 0.01  # of a strict edge [m]: no path leads between two edges that touch
 
 
 class Edges(NamedTuple):
-    """The m barriers of one scene, as the core paints them onto its ground.
+    """The m barriers of one scene, as the core paints them onto its ground."""
 
-    Attributes:
-        kind: (m,) the shape of each barrier, see `barriers.layout`.
-        parameters: (m, layout.WIDTH) the numbers of each shape.
-        priority: (m,) the ranks.
-        clearance: (m,) the distance that paths keep from each edge [m].
-    """
-
-    kind: Integers
-    parameters: Array
-    priority: Integers
-    clearance: Array
+    kind: Integers  # (m,) the shapes, see `barriers.layout`
+    parameters: Array  # (m, layout.WIDTH) the numbers of each shape
+    priority: Integers  # (m,) the ranks
+    clearance: Array  # (m,) the distance of paths from each edge [m]
 
 
 def edges_of(scenes: BarrierSet, n: int, clearance: ArrayLike) -> Edges:
-    """Return the edges of scene n.
-
-    Args:
-        scenes: the barriers of all N scenes.
-        n: the number of the scene.
-        clearance: a number for strict edges, or (N, m) for each edge [m].
-    """
+    """Return the edges of scene n; the clearance [m] is a number for strict edges, or (N, m)."""
     given, strict = np.asarray(clearance), scenes.keeps_margin[n]
-    reserved = given[n] if given.ndim else strict * given
-    reserved = np.maximum(reserved, strict * LEAST_CLEARANCE)
+    reserved = np.maximum(given[n] if given.ndim else strict * given, strict * LEAST_CLEARANCE)
     return Edges(scenes.kind[n], scenes.parameters[n], scenes.priority[n], reserved)
 
 
 def ground_at(
     map_ground: MapGround | None, edges: Edges, geometry: Array, t: float, opened: int
 ) -> Ground:
-    """Return the ground of a scene: its map's, with its barriers painted over it.
-
-    Args:
-        map_ground: the ground of the scene's map; None where it has no map.
-        edges: the scene's barriers.
-        geometry: (7,) the scene's grid.
-        t: the time at which moving barriers are painted [s].
-        opened: see `MapGround`.
-    """
+    """Return a scene's ground at time t [s]: its map's, with its barriers painted over it."""
     if map_ground is None:
         ground = open_ground(int(geometry[3]), int(geometry[4]), geometry[2])
     elif not (edges.kind < layout.SPEED_LIMIT).any():  # no shape beside the map
@@ -75,25 +52,11 @@ def ground_at(
 
 
 def corners_of(
-    mask: Mask,
-    scenes: BarrierSet,
-    starts: Array,
-    goals: Array,
-    t: Array,
-    extent: ArrayLike | None,
+    mask: Mask, scenes: BarrierSet, starts: Array, goals: Array, t: Array, extent: ArrayLike | None
 ) -> Array:
-    """Return (N, 2, 2) the corners (x_min, y_min), (x_max, y_max) of N worlds [m].
+    """Return (N, 2, 2) the corners (x_min, y_min), (x_max, y_max) of the masked scenes [m].
 
-    Args:
-        mask: (N,) the scenes whose corners are needed; those of the others are undefined.
-        scenes: the barriers of all N scenes.
-        starts: (N, 2) [m].
-        goals: (N, 2) [m].
-        t: (N,) the present [s].
-        extent: as `Geodesic.begin` takes it.
-
-    Raises:
-        InvalidInputError: if the extent is malformed or empty.
+    Without an extent they enclose start (N, 2), goal (N, 2) and the regions at the times t (N,).
     """
     count = len(goals)
     corners = np.empty((count, 2, 2))
@@ -116,11 +79,7 @@ def corners_of(
 def read_scenes(
     barriers: BarrierSet | Sequence[Barrier | Shapes | Several], count: int
 ) -> BarrierSet:
-    """Return N scenes of built-in barriers.
-
-    Raises:
-        InvalidInputError: if a barrier is a user's own, or there are not N scenes.
-    """
+    """Return N scenes; refuse another number of scenes, and barriers of a user's own kind."""
     scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
     if len(scenes.kind) != count:
         raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")

@@ -13,8 +13,7 @@ from hcbf_gym.errors import InvalidInputError, as_array, finite_array
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.map_ground import MapGround
 
-ROUNDING = 1e-9
-"""By how much of a cell a point may be outside of the grid."""
+ROUNDING = 1e-9  # by how much of a cell a point may be outside of the grid
 
 
 def points(name: str, value: ArrayLike | None, count: int) -> Array:
@@ -107,13 +106,7 @@ def _beside_walls(map_ground: MapGround | None, goal: Array) -> str:
 
 
 def _inside(goal: Array, h: Array, strict: Mask) -> str:
-    """Return why a goal (2,) is refused if a strict region contains it.
-
-    Args:
-        goal: (2,) [m].
-        h: (m,) the barriers there.
-        strict: (m,) which of them are regions of rank 1.
-    """
+    """Return why a goal (2,) is refused if a strict region contains it, by all h (m,) there."""
     entered = np.flatnonzero(strict & (h < 0.0))
     if len(entered) == 0:
         return ""
@@ -127,16 +120,7 @@ def _inside(goal: Array, h: Array, strict: Mask) -> str:
 def blocked(
     map_ground: MapGround, rank: Ranks, field: Field, start: Array, goal: Array, opened: int
 ) -> str:
-    """Return which closed region is on every path from start to goal on a map; "" for none.
-
-    Args:
-        map_ground: the ground of the map.
-        rank: (ny + 2, nx + 2) the ranks of the scene's ground.
-        field: (ny, nx) the scene's field.
-        start: (2,) [m].
-        goal: (2,) [m].
-        opened: see `MapGround`.
-    """
+    """Return which closed region of a map is on every path, by rank and field of the scene."""
     start_cell = _core.field_cell_of(start[0], start[1], map_ground.geometry)
     crossed_rank, j, i = _core.field_crossing(rank, field, *start_cell, opened)
     if crossed_rank == 0:

@@ -17,8 +17,7 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.models.input_sets import InputSet
 
-MARGIN_SIZE = 3
-"""The number of entries of a row's margin: m, ṁ and m̈."""
+MARGIN_SIZE = 3  # the number of entries of a row's margin: m, ṁ and m̈
 _STATE_SIZE = 2 + 4  # u* and x
 
 

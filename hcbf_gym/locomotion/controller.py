@@ -181,10 +181,7 @@ class LocomotionController:
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """The results of the latest tick, or the pose at the reset.
-
-        The residual takes longer to compute than the QP.
-        """
+        """The results of the latest tick; the residual takes longer to compute than the QP."""
         if not self._is_reset:
             raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
         targets = attributes(self._memory).targets
@@ -203,12 +200,8 @@ class LocomotionController:
 
 
 def _program_in(work: Any, contacts: int) -> qp.QuadraticProgram:
-    """Return the program of a number of feet in stance, as views of the core's workspace.
-
-    Its 12 unknowns are bounded; its general rows are one for each joint, then four sides of the
-    friction pyramid for each contact.
-    """
-    rows = 12 + 4 * contacts
+    """Return the program of a number of feet in stance, as views of the core's workspace."""
+    rows = 12 + 4 * contacts  # torques of the joints, then friction pyramids; 12 unknowns
     A, lower, upper = work.A[:rows], work.lower[: 12 + rows], work.upper[: 12 + rows]
     return qp.QuadraticProgram(work.H, work.f, A, lower, upper, equalities=0)
 

@@ -29,17 +29,9 @@ class Bodies(NamedTuple):
 class RobotModel:
     """A floating trunk with four abad–hip–knee legs, read from a file without ``<include>``.
 
-    Args:
-        robot: the robot, whose `xml_file` Pinocchio reads.
-
-    Attributes:
-        pinocchio: Pinocchio's model.
-        legs: lengths of the legs.
-        bodies: inertias of the bodies.
-
     Raises:
-        RobotModelError: if Pinocchio cannot read the file, or the closed-form kinematics of
-            `locomotion.leg` do not cover its legs.
+        RobotModelError: if Pinocchio cannot read the file, or `foot_kinematics` do not cover its
+            legs.
     """
 
     def __init__(self, robot: Quadruped) -> None:
@@ -80,11 +72,11 @@ def _leg_geometry(model: "pin.Model", robot: Quadruped) -> LegGeometry:
     """Read the lengths; refuse legs whose axes or offsets the closed form does not cover."""
     placements = [model.jointPlacements[model.getJointId(name)] for name in a1.JOINTS]
     axes = [model.joints[model.getJointId(name)].shortname() for name in a1.JOINTS]
-    offsets = np.array([placement.translation for placement in placements])
-    offsets = offsets.reshape(4, 3, 3)  # leg; abad, hip or knee; x, y, z
+    # (leg; abad, hip or knee; x, y, z)
+    offsets = np.array([placement.translation for placement in placements]).reshape(4, 3, 3)
     is_aligned = all(np.allclose(placement.rotation, np.eye(3)) for placement in placements)
-    hip_is_beside_abad = np.allclose(offsets[:, 1, [0, 2]], 0.0)  # y alone
-    knee_is_below_hip = np.allclose(offsets[:, 2, :2], 0.0)  # z alone
+    hip_is_beside_abad = np.allclose(offsets[:, 1, [0, 2]], 0.0)
+    knee_is_below_hip = np.allclose(offsets[:, 2, :2], 0.0)
     thighs_are_equal = np.allclose(offsets[:, 2, 2], offsets[0, 2, 2])
     is_covered = is_aligned and hip_is_beside_abad and knee_is_below_hip and thighs_are_equal
     if axes != ["JointModelRX", "JointModelRY", "JointModelRY"] * 4 or not is_covered:

@@ -19,19 +19,14 @@ from hcbf_gym.locomotion.state import STATE_SIZE
 JUDGEMENT_INTERVAL = 0.04
 """The time between two judgements [s]. Compiled code sums up several ticks in one call, because a
 call takes longer than the sums of a tick."""
-
 WINDOW: int = _core.WATCH_WINDOW
 """The number of judgements over which the signals are taken."""
-
 LEAST_FILLED = 0.25
 """The share of the window that must be filled before signals are taken."""
-
 SETTLING = 0.01
 """The time of contact after which a foot's leg measures the trunk's velocity [s]."""
-
 SLIP_INTERVAL = 0.01
 """The time between two samples of the stance feet [s]; more samples take time and add little."""
-
 EXCESS_DELAY = 0.02
 """How much longer than declared the delays are that the lag is searched for [s]."""
 
@@ -77,12 +72,6 @@ class Watch:
         foot_radius: radius of the feet [m].
         timestep: time between two ticks [s].
         bounds: a larger signal is a fault.
-
-    Attributes:
-        slip: [m/s].
-        lag: [-].
-        lift: [m/s²].
-        fault: the signal above its bound; the first of slip, lag, lift if there are several.
     """
 
     def __init__(
@@ -110,7 +99,7 @@ class Watch:
         self._states: list[Array] = []
         self._torques: list[Array] = []
         self._judgements = 0
-        self.slip = self.lag = self.lift = 0.0
+        self.slip = self.lag = self.lift = 0.0  # [m/s], [-], [m/s²]
         self.fault = Fault.NONE
 
     def tick(self, state: Array, torque: Array, stance: Mask) -> None:

@@ -11,10 +11,7 @@ _ran_in: int | None = None  # the process in which this package first ran JAX
 
 
 def import_jax(what: str) -> Any:
-    """Return the module jax.
-
-    Args:
-        what: the function that needs JAX, for the message.
+    """Return the module jax, for a function that messages call `what`.
 
     Raises:
         MissingDependencyError: if JAX is not installed.

@@ -48,14 +48,9 @@ def _evaluated(
     shapes: tuple[tuple[int, ...], ...],
     *arguments: Array,
 ) -> tuple[Array, ...]:
-    """Return the results of a function of N states, NaN at the states where it fails.
+    """Return the results (N, *shape) of a function of arguments (N, …), NaN where it fails.
 
     If the function fails for all states at once, it is called again for each of them.
-
-    Args:
-        function: takes the arguments, and returns an array for each shape.
-        shapes: the shapes of the results without their leading axis N.
-        arguments: (N, …) each.
     """
     count = len(arguments[0])
     try:
@@ -63,21 +58,15 @@ def _evaluated(
     except UNREADABLE:
         if count == 1:
             return tuple(np.full((1, *shape), np.nan) for shape in shapes)
-    rows = [
-        _evaluated(function, shapes, *(argument[i : i + 1] for argument in arguments))
-        for i in range(count)
-    ]
+    one_by_one = ([argument[i : i + 1] for argument in arguments] for i in range(count))
+    rows = [_evaluated(function, shapes, *state) for state in one_by_one]
     return tuple(np.concatenate(results) for results in zip(*rows, strict=True))
 
 
 def _checked(
     results: tuple[Array, ...], shapes: tuple[tuple[int, ...], ...], count: int
 ) -> Iterator[Array]:
-    """Yield results (count, …) as float64 arrays.
-
-    Raises:
-        ValueError: if a result has another shape, or there are not as many as shapes.
-    """
+    """Yield results (count, *shape) as float64 arrays; refuse others by a ValueError."""
     for result, shape in zip(results, shapes, strict=True):
         numbers = np.ascontiguousarray(result, dtype=np.float64)
         if numbers.shape != (count, *shape):

@@ -4,7 +4,6 @@ from hcbf_gym import _core
 
 GRAVITY = _core.GRAVITY
 """The acceleration of gravity [m/s²]."""
-
 FARTHEST = _core.FARTHEST
 """The greatest distance from the origin [m]. Beyond, rounding errors are no longer small compared
 with the depth of a contact."""

@@ -12,7 +12,6 @@ from hcbf_gym.models.constants import ON_EARTH
 
 LARGEST = 25_000_000
 """The greatest number of cells of a map: a building of 250 m at 5 cm."""
-
 FINEST, COARSEST = 1e-3, 100.0
 """The smallest and the largest side of a cell [m]."""
 

@@ -11,12 +11,9 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers
 
-POINTS_PER_AXIS = 5
-"""The number of points along the axis of a capsule, and along each edge of a box."""
-TILT = 0.2
-"""The greatest tilt of a walking trunk [rad]."""
-STRIDE = 0.065
-"""The greatest distance by which a leg reaches farther from the trunk's centre than at home [m]."""
+POINTS_PER_AXIS = 5  # number of points along a capsule's axis and along each edge of a box
+TILT = 0.2  # the greatest tilt of a walking trunk [rad]
+STRIDE = 0.065  # by how much more than at home a leg reaches from the trunk's centre at most [m]
 
 
 class BodyPoints(NamedTuple):
@@ -40,11 +37,10 @@ def body_of(model: mujoco.MjModel, root: int) -> BodyPoints:
 
 
 def radius(model: mujoco.MjModel, trunk: str, joints: Array) -> float:
-    """Return the radius of the circle around the trunk's centre that encloses the walking robot.
+    """Return the radius [m] of the circle around the trunk that encloses the walking robot.
 
-    A point that is fixed to the trunk reaches ``ρ + |z| sin(TILT)`` at most, where ρ and z are its
-    distance from the vertical axis and its height at home. The legs reach `STRIDE` farther than at
-    home.
+    A point that is fixed to the trunk reaches ``ρ + |z| sin(TILT)`` at most, ρ from the vertical
+    axis and z high at home. The legs reach `STRIDE` farther than at home.
 
     Args:
         model: the robot, alone or in its scene.
@@ -83,15 +79,7 @@ def _points(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:
 
 
 def stand(data: mujoco.MjData, position: Array, height: float, yaw: float, home: Array) -> None:
-    """Write the pose of a scene's first robot.
-
-    Args:
-        data: the scene's state, whose positions begin with the robot's free joint and its hinges.
-        position: (2,) position of the trunk [m].
-        height: height of the trunk [m].
-        yaw: heading of the trunk [rad].
-        home: (j,) joint angles [rad].
-    """
+    """Pose a scene's first robot: position (2,) and height [m], yaw and home joints (j,) [rad]."""
     data.qpos[:2] = position
     data.qpos[2] = height
     data.qpos[3:7] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)

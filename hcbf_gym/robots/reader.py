@@ -11,10 +11,8 @@ from hcbf_gym.errors import RobotModelError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
 
-CLEARANCE = 0.001
-"""The distance between soles and ground in the home pose [m]."""
-_DEFAULT_LEG = (0.0, 0.9, -1.8)
-"""Abad, hip and knee in the home pose, if the file has none [rad]."""
+CLEARANCE = 0.001  # the distance between soles and ground in the home pose [m]
+_DEFAULT_LEG = (0.0, 0.9, -1.8)  # abad, hip and knee in the home pose, if the file has none [rad]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
