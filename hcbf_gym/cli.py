@@ -48,7 +48,7 @@ def commands() -> dict[str, Subcommand]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command that the arguments, by default the process's, name, or list all commands."""
+    """Run one command, or list all; `arguments` are those of the process unless given."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if not arguments or arguments[0] in ("-h", "--help"):

@@ -60,19 +60,19 @@ def _installed_version(package: str) -> str | None:
 def name_of(thing: Any) -> str:
     """Return name and version of an object that an installed package holds; "" for any other."""
     if isinstance(thing, types.ModuleType):
-        known = release(thing.__name__)
-        return "" if known is None else f"module {thing.__name__} {known}"
+        package_version = release(thing.__name__)
+        return "" if package_version is None else f"module {thing.__name__} {package_version}"
     name = getattr(thing, "__qualname__", getattr(thing, "__name__", None))
     if not callable(thing) or not isinstance(name, str):
         return ""
     owner = type(getattr(thing, "__self__", None)).__module__  # of a bound method of C
     for module in (getattr(thing, "__module__", None), owner):
-        known = release(module) if isinstance(module, str) else None
-        if known is None:
+        package_version = release(module) if isinstance(module, str) else None
+        if package_version is None:
             continue
         for path in (name, name.rpartition(".")[2]):
             if _attribute_at(str(module), path) is thing:
-                return f"{module} {path} {known}"
+                return f"{module} {path} {package_version}"
     return ""
 
 
@@ -85,11 +85,8 @@ def _attribute_at(module: str, path: str) -> Any:
 
 
 def is_opaque(cls: Any) -> bool:
-    """Return whether objects of a class may hold data in C besides their Python attributes.
-
-    They do if they take up more memory than an object with one pointer for each slot, for the
-    dictionary of attributes and for the list of weak references.
-    """
+    """Return whether objects of a class may hold data in C besides their Python attributes."""
+    # Python's own objects have a pointer for each slot, for their dictionary, for weak references
     slots = copyreg._slotnames(cls)  # type: ignore[attr-defined]
     pointers = len(slots) + (cls.__dictoffset__ > 0) + (cls.__weakrefoffset__ > 0)
     return cls.__basicsize__ > object.__basicsize__ + POINTER_BYTES * pointers
@@ -104,11 +101,11 @@ def reads(code: types.CodeType) -> tuple[tuple[str, ...], ...]:
     chains: dict[tuple[str, ...], None] = {}  # a set that retains the order
     instructions = list(dis.get_instructions(code))
     for k, instruction in enumerate(instructions):
-        before, after = instructions[:k], instructions[k + 1 :]
-        name = str(instruction.argval)
+        name, after = str(instruction.argval), itertools.islice(instructions, k + 1, None)
         if instruction.opname == "IMPORT_NAME":
             # the level of a relative import is the number that was loaded last
-            level = next(i.argval for i in reversed(before) if isinstance(i.argval, int))
+            loaded = (i.argval for i in reversed(instructions[:k]))
+            level = next(value for value in loaded if isinstance(value, int))
             module = "." * level + name
             imports = itertools.takewhile(lambda i: i.opname.startswith(IMPORT_PARTS), after)
             taken = [i.argval for i in imports if i.opname == "IMPORT_FROM"]

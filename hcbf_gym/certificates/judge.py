@@ -118,11 +118,10 @@ def words(expected: Any) -> str:
     ends = {key: expected[key] for key in ("from", "to") if key in expected}
     text = {key: end if isinstance(end, str) else f"{end:g}" for key, end in ends.items()}
     unit = f" {expected['unit']}" if "unit" in expected else ""
-    if "from" not in text:
-        return f"at most {text['to']}{unit}"
-    return (
-        f"{text['from']} to {text['to']}" if "to" in text else f"at least {text['from']}"
-    ) + unit
+    low, high = text.get("from"), text.get("to")
+    if low is None:
+        return f"at most {high}{unit}"
+    return f"at least {low}{unit}" if high is None else f"{low} to {high}{unit}"
 
 
 def _kind(expected: Any) -> Literal["any of", "each", "ends", "value"]:

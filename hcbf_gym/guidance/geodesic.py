@@ -275,14 +275,10 @@ class Geodesic:
             grounds[n] = None
         if not scenes.atlas:
             return grounds
-        reserved = max(
-            finite_float("clearance", clearance, minimum=0.0), scene_ground.LEAST_CLEARANCE
-        )
-        painted = {
-            ground.regions: ground
-            for ground in self._map_grounds
-            if ground is not None and ground.clearance == reserved
-        }
+        given = finite_float("clearance", clearance, minimum=0.0)
+        reserved = max(given, scene_ground.LEAST_CLEARANCE)
+        old = [ground for ground in self._map_grounds if ground is not None]
+        painted = {ground.regions: ground for ground in old if ground.clearance == reserved}
         for n, regions in scene_ground.mapped_regions(scenes).items():
             if mask[n]:
                 if regions not in painted:
@@ -293,7 +289,7 @@ class Geodesic:
     def _geometry_of(
         self, mask: Mask, corners: Array, map_grounds: Sequence[MapGround | None]
     ) -> Array:
-        """Return (N, 7) the grids: where masked the map's, or one over the corners (N, 2, 2)."""
+        """Return the grids (N, 7), new where masked: the map's, or over the corners (N, 2, 2)."""
         geometry = self.geometry.copy()
         for n in np.flatnonzero(mask).tolist():
             map_ground = map_grounds[n]
@@ -357,6 +353,7 @@ class Geodesic:
             fields.grid(self.zone[n], grid)[:] = np.where(rank > 1, rank, 0)
 
     def _edges(self, n: int) -> scene_ground.Edges:
+        """Return the edges of scene n."""
         scenes = self._scenes[n]
         assert scenes is not None
         return scene_ground.edges_of(scenes, n, self._clearance)

@@ -40,7 +40,7 @@ def edges_of(scenes: BarrierSet, n: int, clearance: ArrayLike) -> Edges:
 def ground_at(
     map_ground: MapGround | None, edges: Edges, geometry: Array, t: float, opened: int
 ) -> Ground:
-    """Return a scene's ground at time t [s]: its map's, with its barriers painted over it."""
+    """Return a scene's ground on its grid (7,) at time t [s]: its barriers over that of its map."""
     if map_ground is None:
         ground = open_ground(int(geometry[3]), int(geometry[4]), geometry[2])
     elif not (edges.kind < layout.SPEED_LIMIT).any():  # no shape beside the map
@@ -54,7 +54,7 @@ def ground_at(
 def corners_of(
     mask: Mask, scenes: BarrierSet, starts: Array, goals: Array, t: Array, extent: ArrayLike | None
 ) -> Array:
-    """Return (N, 2, 2) the corners (x_min, y_min), (x_max, y_max) of the masked scenes [m].
+    """Return the corners (N, 2, 2) of the masked scenes: (x_min, y_min), (x_max, y_max) [m].
 
     Without an extent they enclose start (N, 2), goal (N, 2) and the regions at the times t (N,).
     """
@@ -62,10 +62,8 @@ def corners_of(
     corners = np.empty((count, 2, 2))
     if extent is None:
         for n in np.flatnonzero(mask).tolist():
-            _core.scene_extent(
-                scenes.kind[n], scenes.parameters[n], scenes.priority[n], starts[n], goals[n],
-                t[n], corners[n],
-            )  # fmt: skip
+            shapes = scenes.kind[n], scenes.parameters[n], scenes.priority[n]
+            _core.scene_extent(*shapes, starts[n], goals[n], t[n], corners[n])
         return corners
     shape = (count, 2, 2) if as_array("extent", extent).ndim == 3 else (2, 2)
     corners[:] = finite_array("extent", extent, shape, largest=FARTHEST)

@@ -120,7 +120,7 @@ def _inside(goal: Array, h: Array, strict: Mask) -> str:
 def blocked(
     map_ground: MapGround, rank: Ranks, field: Field, start: Array, goal: Array, opened: int
 ) -> str:
-    """Return which closed region of a map is on every path, by rank and field of the scene."""
+    """Return why a goal (2,) is refused if a closed region of the map is on every path to it."""
     start_cell = _core.field_cell_of(start[0], start[1], map_ground.geometry)
     crossed_rank, j, i = _core.field_crossing(rank, field, *start_cell, opened)
     if crossed_rank == 0:
