@@ -175,7 +175,9 @@ class Certificate:
             check_counts(block, "entered", "pressed", "steps", "falls", "alarms")
             size = min(BLOCK, self.episodes - k * BLOCK)
             largest = max(block.entered, block.pressed, block.falls, block.alarms)
-            if largest > size or (block.deepest_h < 0.0) != (block.entered > 0):
+            least_speed_h = math.inf if block.least_speed_h is None else block.least_speed_h
+            is_entered = min(block.least_h, least_speed_h) < 0.0
+            if largest > size or is_entered != (block.entered > 0):
                 raise InvalidInputError(
                     f"certificate: got {block}, expected counts of at most {size}, and entries "
                     "where a least h is below 0, and only there"

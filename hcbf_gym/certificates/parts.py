@@ -68,11 +68,6 @@ class Block(NamedTuple):
     least_h: float
     least_speed_h: float | None
 
-    @property
-    def deepest_h(self) -> float:
-        """The least h of all strict conditions; it is negative where rank 1 was entered."""
-        return self.least_h if self.least_speed_h is None else min(self.least_h, self.least_speed_h)
-
 
 class Shown(NamedTuple):
     """Figures that show how hard the episodes tested rank 1, see `vacuous`.

@@ -28,7 +28,7 @@ SETTLING = 0.01
 SLIP_INTERVAL = 0.01
 """The time between two samples of the stance feet [s]; more samples take time and add little."""
 EXCESS_DELAY = 0.02
-"""How much longer than declared the delays are that the lag is searched for [s]."""
+"""The lag is searched among delays that exceed the declared one by up to this time [s]."""
 
 
 class Fault(IntEnum):
@@ -75,14 +75,10 @@ class Watch:
     """
 
     def __init__(
-        self,
-        legs: LegGeometry,
-        foot_radius: float,
-        timestep: float,
-        bounds: WatchBounds,
+        self, legs: LegGeometry, foot_radius: float, timestep: float, bounds: WatchBounds
     ) -> None:
         self.bounds = bounds
-        # all these times in ticks
+        # these times count ticks
         settled = max(round(SETTLING / timestep), 1)
         every = max(round(SLIP_INTERVAL / timestep), 1)
         self._declared_delay = round(bounds.delay / timestep)

@@ -9,6 +9,8 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.reduced_order import BuiltIn, ReducedOrderModel
 
+Shapes = tuple[tuple[int, ...], ...]
+
 
 def compiled(model: ReducedOrderModel) -> _core.Model:
     """Return the core's object of a model."""
@@ -44,9 +46,7 @@ class PythonModel:
 
 
 def _evaluated(
-    function: Callable[..., tuple[Array, ...]],
-    shapes: tuple[tuple[int, ...], ...],
-    *arguments: Array,
+    function: Callable[..., tuple[Array, ...]], shapes: Shapes, *arguments: Array
 ) -> tuple[Array, ...]:
     """Return the results (N, *shape) of a function of arguments (N, …), NaN where it fails.
 
@@ -63,9 +63,7 @@ def _evaluated(
     return tuple(np.concatenate(results) for results in zip(*rows, strict=True))
 
 
-def _checked(
-    results: tuple[Array, ...], shapes: tuple[tuple[int, ...], ...], count: int
-) -> Iterator[Array]:
+def _checked(results: tuple[Array, ...], shapes: Shapes, count: int) -> Iterator[Array]:
     """Yield results (count, *shape) as float64 arrays; refuse others by a ValueError."""
     for result, shape in zip(results, shapes, strict=True):
         numbers = np.ascontiguousarray(result, dtype=np.float64)

@@ -115,7 +115,7 @@ class ReducedOrderModel(ABC):
 
 
 class BuiltIn(ReducedOrderModel):
-    """A model that the core evaluates, unless it is a user's subclass with methods of its own."""
+    """A model that the core evaluates; the methods of a user's subclass evaluate that."""
 
     @abstractmethod
     def _make_core(self) -> _core.Model:
