@@ -42,8 +42,8 @@ class Geodesic:
         field: (N, capacity) the fields T, flat; see `guidance.field`.
         through: (N, capacity) through which rank the goal can be reached from each cell.
         zone: (N, capacity) the rank of the map's zone that a cell is in, 0 in none or rank 1.
-        geometry: (N, 7) of the grids, see `guidance.field`.
-        goal: (N, 2) [m].
+        geometry: (N, 7) the geometry of the grids, see `guidance.field`.
+        goal: (N, 2) the goals [m].
         lost: scene → why no path leads to its goal; scenes that are not in it have one.
 
     Examples:
@@ -56,8 +56,8 @@ class Geodesic:
         ((1, 2), [3])
     """
 
-    period = 0.5
-    pull = Pull()
+    period = 0.5  # the time between two computations of a field whose regions move [s]
+    pull = Pull()  # the parameters of the row
 
     def __init__(self, count: int = 1, *, through: int = 0, cell: float = fields.CELL):
         count = errors.count("count", count)
@@ -121,8 +121,8 @@ class Geodesic:
             goal: (2,) or (N, 2) [m].
             extent: ((x_min, y_min), (x_max, y_max)) [m] of all scenes, or (N, 2, 2); None for the
                 box around start, goal and regions. Where a scene has a map, the map's grid counts.
-            clearance: what the edges reserve [m]: margin, body radius; a number for strict edges,
-                or (N, m) for each.
+            clearance: the distance that paths keep from edges [m], such as margin and body radius:
+                a number for strict edges, or (N, m) for each edge.
             start: (2,) or (N, 2) [m], which the grid has to cover.
             mask: (N,) the scenes that begin; all unless given.
             t: () or (N,) the present [s].

@@ -175,7 +175,7 @@ class LocomotionController:
     @property
     def reference(self) -> BodyReference:
         """The references of the trunk: the state of the reduced-order model, and the heading."""
-        # in one piece: field by field takes six times as long
+        # one copy of the record: reading it field by field takes six times as long
         fields = self._memory["reference"].copy().item()
         return BodyReference._make(fields)
 

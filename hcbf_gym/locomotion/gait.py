@@ -6,7 +6,7 @@ from typing import NamedTuple
 class Gait(NamedTuple):
     """The timing of a gait's swings."""
 
-    period: float  # of a stride [s]
+    period: float  # duration of a stride [s]
     duty: float  # share of the period for which a foot is in stance
     offsets: tuple[float, float, float, float]  # phase of FR, FL, RR, RL at time zero
     rests: bool  # whether all feet stay down without command and disturbance

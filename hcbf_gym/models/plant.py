@@ -91,7 +91,7 @@ class Estimate(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """How far a plant may deviate from its reduced-order model; margins are derived from it.
+    """The deviations of a plant from its reduced-order model, from which margins are derived.
 
     `docs/guarantees.md` has the formula for every model. A filter refuses `per_velocity` of a model
     whose velocity is the input, and the reserves of a speed limit of a model without velocity.
