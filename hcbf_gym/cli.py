@@ -140,9 +140,8 @@ def _describe(args: type) -> None:
             _describe(types[field.name])
             continue
         is_empty = field.default in (None, (), "") or field.default_factory is dict
-        options = tyro.conf.arg(
-            help=texts.get(field.name), help_behavior_hint="" if is_empty else None
-        )
+        hint = "" if is_empty else None
+        options = tyro.conf.arg(help=texts.get(field.name), help_behavior_hint=hint)
         args.__annotations__[field.name] = Annotated[annotated[field.name], options]
 
 

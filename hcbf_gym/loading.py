@@ -65,11 +65,7 @@ def files(name: str) -> list[Path]:
 
 
 def module(what: str, source: str) -> ModuleType:
-    """Return the module that a name or a file refers to.
-
-    Args:
-        what: what the module is for, in messages.
-        source: the module's name, or ``file.py``.
+    """Return the module of a name or of ``file.py``; messages call its purpose `what`.
 
     Raises:
         InvalidInputError: if there is no such module, or it raises an error.

@@ -88,9 +88,8 @@ def _record_file(file: Any, mode: str | None, flags: int) -> None:
     if isinstance(file, int):  # a descriptor, whose path was recorded when it was opened
         return
     path = os.path.abspath(os.fsdecode(file))
-    if os.path.realpath(path).startswith(_VERSIONED_FOLDERS) or "__pycache__" in path:
-        return
-    if os.path.exists(path) and not os.path.isfile(path):  # a folder, a pipe, a device
+    is_versioned = os.path.realpath(path).startswith(_VERSIONED_FOLDERS) or "__pycache__" in path
+    if is_versioned or (os.path.exists(path) and not os.path.isfile(path)):
         return
     for record in _records:
         if flags & (os.O_WRONLY | os.O_CREAT | os.O_TRUNC):

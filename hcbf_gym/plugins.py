@@ -12,10 +12,7 @@ GROUP = "hcbf.commands"
 
 @functools.cache
 def load() -> dict[str, Subcommand]:
-    """Import all packages of `GROUP`, which register their scenes and environments thereby.
-
-    Returns:
-        name → command of all these packages.
+    """Import all packages of `GROUP`, which register their scenes; return name → command.
 
     Raises:
         InvalidInputError: if a package cannot be imported.
