@@ -1,4 +1,4 @@
-"""Checks the arguments of commands before any work, by the type hints that also parse them."""
+"""Checks of a command's arguments before it runs, by the type hints that also parse them."""
 
 import dataclasses
 import math
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
-from hcbf_gym.errors import MOST, InvalidInputError, choose, shown, text
+from hcbf_gym.errors import MAX_COUNT, InvalidInputError, choose, shown, text
 from hcbf_gym.records import check_place
 
 
@@ -26,7 +26,7 @@ class Range(NamedTuple):
 
 
 Seed = Annotated[int, Range(0, 2**53)]
-Count = Annotated[int, Range(1, MOST)]
+Count = Annotated[int, Range(1, MAX_COUNT)]
 Workers = Annotated[int, Range(1, 4096)]
 Amount = Annotated[float, Range(0.0, 1e9)]
 Positive = Annotated[float, Range(0.0, 1e9, above=True)]
@@ -40,14 +40,14 @@ Folder = Annotated[Path, Output()]
 
 
 def check(args: Any, prefix: str = "--") -> None:
-    """Refuse numbers out of their range, unknown choices, malformed text, and unusable places.
+    """Refuse numbers out of their range, unknown choices, malformed text, and unusable paths.
 
     Args:
         args: a dataclass of a command's arguments; a field may be another such dataclass.
-        prefix: of the arguments' names in messages; "" for arguments that are set in Python.
+        prefix: precedes the arguments' names in messages; "" for arguments that are set in Python.
 
     Raises:
-        InvalidInputError: on the first of them; the message names the argument.
+        InvalidInputError: on the first invalid argument; the message names it.
         UnknownNameError: on an unknown choice.
     """
     hints = get_type_hints(type(args), include_extras=True)
@@ -62,10 +62,10 @@ def check(args: Any, prefix: str = "--") -> None:
 
 def _check_argument(name: str, value: Any, hint: Any) -> None:
     """Refuse an argument, or an entry of it, that its type hint does not allow."""
-    choices, marks = dict.fromkeys(_choices(hint)), list(_marks(hint))
-    ranges = [mark for mark in marks if isinstance(mark, Range)]
-    is_output = any(isinstance(mark, Output) for mark in marks)
-    has_keys = isinstance(value, Mapping)  # which are text beside numbers
+    choices, metadata = dict.fromkeys(_choices(hint)), list(_metadata(hint))
+    ranges = [mark for mark in metadata if isinstance(mark, Range)]
+    is_output = any(isinstance(mark, Output) for mark in metadata)
+    has_keys = isinstance(value, Mapping)  # its keys are text, although its values have a range
     for entry in _entries(value):
         if choices and entry is not None:
             choose(name, entry, choices)
@@ -80,7 +80,7 @@ def _check_argument(name: str, value: Any, hint: Any) -> None:
 
 
 def _check_number(name: str, number: float, ranges: list[Range]) -> None:
-    """Refuse a number that is not finite or out of a range."""
+    """Refuse a number that is not finite, or out of one of its ranges."""
     if not math.isfinite(number):
         raise InvalidInputError(f"{name}: got {number}, expected a finite number")
     for allowed in ranges:
@@ -89,7 +89,7 @@ def _check_number(name: str, number: float, ranges: list[Range]) -> None:
 
 
 def _entries(value: Any) -> Iterator[Any]:
-    """Yield an argument, or the entries of a list, or the keys and values of a mapping."""
+    """Yield the entries of nested lists and mappings, keys too; any other value itself."""
     if isinstance(value, Mapping):
         value = (*value, *value.values())
     if isinstance(value, tuple | list):
@@ -108,19 +108,19 @@ def _choices(hint: Any) -> Iterator[Any]:
             yield from _choices(part)
 
 
-def _marks(hint: Any) -> Iterator[Any]:
+def _metadata(hint: Any) -> Iterator[Any]:
     """Yield the metadata of a type hint and of its parts, such as `Range` of ``Count | None``."""
     if get_origin(hint) is Annotated:
         yield from hint.__metadata__
     for part in get_args(hint):
         if part is not ...:
-            yield from _marks(part)
+            yield from _metadata(part)
 
 
 class Subcommand(NamedTuple):
-    """One command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring."""
+    """A command of `hcbf`: a module with `Args` and `main(args)`, described by its docstring."""
 
-    module: str  # imported when the command is called, not before
+    module: str  # its name; it is imported when the command is called
     does: str  # one line for the list of commands
-    extra: str = ""  # the extra that installs its dependencies, "" for none
+    extra: str = ""  # the extra that installs its dependencies; "" for none
     needs: tuple[str, ...] = ()  # the modules of that extra that it imports

@@ -5,6 +5,7 @@ Each command takes --help.
 
 import contextlib
 import dataclasses
+import functools
 import importlib
 import io
 import os
@@ -36,6 +37,9 @@ OWN = {
     ),
 }
 """name → command of this package."""
+PARSING = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
+"""Options of tyro for all commands; None cannot be typed as an argument."""
+_FRAMES = re.compile(r"[─-╿]|-{3,}")  # the boxes that tyro draws around messages
 
 
 def commands() -> dict[str, Subcommand]:
@@ -43,12 +47,8 @@ def commands() -> dict[str, Subcommand]:
     return OWN | plugins.load()
 
 
-READS = (tyro.conf.DisallowNone, tyro.conf.PositionalMetavarFromFieldName)
-"""How commands read their arguments: None cannot be typed."""
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command; an error that this package raises ends it in one line."""
+    """Run one command, or list all; `arguments` are those of the process unless given."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if not arguments or arguments[0] in ("-h", "--help"):
@@ -63,88 +63,95 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(name: str, program: str, arguments: Sequence[str]) -> None:
-    """Run a module's `main` with its `Args`; errors and Ctrl-C end it in a line.
+    """Run a module's `main` with its `Args`; an error or Ctrl-C ends the process with one line.
 
     Args:
-        name: of the module.
-        program: its name in the help.
-        arguments: of the command.
+        name: the module's name. Its docstring is the help; its `RESUMED`, if it has one, states how
+            an interrupted run resumes.
+        program: the program's name in the help.
+        arguments: the command's arguments; those from "--ros-args" on are left to ROS.
     """
-    # one episode, one core: processes share the work, not threads, unless the user sets it
+    # an episode runs on one core, as processes share the episodes; a user's setting has priority
     threads = None if "OMP_NUM_THREADS" in os.environ else 1
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    usual, warnings.formatwarning = warnings.formatwarning, _warning
+    usual_format, warnings.formatwarning = warnings.formatwarning, _one_line_warning
     resumed = ""
     try:
         module = importlib.import_module(name)
         resumed = getattr(module, "RESUMED", "")
-        own = list(arguments)
-        own = own[: own.index("--ros-args")] if "--ros-args" in own else own  # the rest is ROS's
+        arguments = list(arguments)
+        if "--ros-args" in arguments:
+            arguments = arguments[: arguments.index("--ros-args")]
         _describe(module.Args)
-        about = re.sub(r"(?<=\S)\n(?=\S)", " ", module.__doc__ or "")
-        args = _parsed(module.Args, program, about, own)
+        description = re.sub(r"(?<=\S)\n(?=\S)", " ", module.__doc__ or "")  # without line breaks
+        args = _parsed(module.Args, program, description, arguments)
         ranges.check(args)
         with threadpool_limits(threads), records.nothing_left_behind():
             module.main(args)
     except HcbfError as error:
         sys.exit(f"error: {_one_line(error)}")
     except Exception as error:  # of a user's own code, of the disk, or of this package
-        where = traceback.extract_tb(error.__traceback__)[-1]
+        frame = traceback.extract_tb(error.__traceback__)[-1]
         sys.exit(
-            f"error: {type(error).__name__}: {_one_line(error)} ({where.filename}, line "
-            f"{where.lineno})"
+            f"error: {type(error).__name__}: {_one_line(error)} ({frame.filename}, line "
+            f"{frame.lineno})"
         )
     except KeyboardInterrupt:
-        print("; ".join(filter(None, ("interrupted", resumed))), file=sys.stderr)
+        print(f"interrupted; {resumed}" if resumed else "interrupted", file=sys.stderr)
         sys.exit(130)
     finally:
-        warnings.formatwarning = usual
+        warnings.formatwarning = usual_format
 
 
-def _parsed(args: type, program: str, about: str, own: list[str]) -> Any:
-    """Return a command's arguments; invalid ones end the process in one line."""
-    if {"-h", "--help"} & set(own):  # which is longer
-        return tyro.cli(args, prog=program, description=about, args=own, config=READS)
+def _parsed(args: type, program: str, description: str, arguments: Sequence[str]) -> Any:
+    """Return the dataclass `args` of arguments; an invalid one ends the process with one line."""
+    options = {"prog": program, "description": description, "config": PARSING}
+    parse = functools.partial(tyro.cli, args, args=arguments, **options)
+    if {"-h", "--help"} & set(arguments):  # the help is printed as tyro lays it out
+        return parse()
     printed = io.StringIO()
     try:
         with contextlib.redirect_stderr(printed), contextlib.redirect_stdout(printed):
-            return tyro.cli(args, prog=program, description=about, args=own, config=READS)
+            return parse()
     except SystemExit as end:
         print(f"error: {_one_line(printed.getvalue())}", file=sys.stderr)
         raise SystemExit(end.code or 2) from None
 
 
 def _one_line(text: object) -> str:
-    """Return a text without frames and ends of lines."""
-    return " ".join(re.sub(r"[─-╿]|-{3,}", " ", str(text)).split())
+    """Return a text in one line, without the lines of boxes."""
+    return " ".join(_FRAMES.sub(" ", str(text)).split())
 
 
 def _describe(args: type) -> None:
-    """Let the help of a dataclass's fields flow, without defaults that its text states."""
+    """Give the fields of a dataclass their help, from the docstrings of the class and its bases.
+
+    An empty default is not shown, because the text states its meaning.
+    """
     texts = {
-        one.arg_name: " ".join((one.description or "").split())
+        parameter.arg_name: " ".join((parameter.description or "").split())
         for cls in reversed(args.__mro__[:-1])
-        for one in docstring_parser.parse_from_object(cls).params
+        for parameter in docstring_parser.parse_from_object(cls).params
     }
-    hints = get_type_hints(args, include_extras=True)
-    plain = get_type_hints(args)
+    annotated = get_type_hints(args, include_extras=True)
+    types = get_type_hints(args)
     for field in dataclasses.fields(args):
-        if dataclasses.is_dataclass(plain[field.name]):
-            _describe(plain[field.name])
+        if dataclasses.is_dataclass(types[field.name]):
+            _describe(types[field.name])
             continue
-        is_stated = field.default in (None, (), "") or field.default_factory is dict
-        about = tyro.conf.arg(
-            help=texts.get(field.name), help_behavior_hint="" if is_stated else None
-        )
-        args.__annotations__[field.name] = Annotated[hints[field.name], about]
+        is_empty = field.default in (None, (), "") or field.default_factory is dict
+        hint = "" if is_empty else None
+        options = tyro.conf.arg(help=texts.get(field.name), help_behavior_hint=hint)
+        args.__annotations__[field.name] = Annotated[annotated[field.name], options]
 
 
-def _warning(message: Warning | str, *_: object, **__: object) -> str:
-    """Return a warning without the line of code that raised it."""
+def _one_line_warning(message: Warning | str, *_: object, **__: object) -> str:
+    """Return the text of a warning, without the line of code that `warnings` would show."""
     return f"warning: {message}\n"
 
 
 def _overview() -> str:
+    """Return the help of `hcbf` itself: usage and the list of commands."""
     known = commands()
     width = max(map(len, known))
     lines = [f"  {name:{width}}  {command.does}" for name, command in known.items()]

@@ -1,7 +1,8 @@
-"""One family of errors; a message states what is wrong, what was expected and the choices.
+"""The errors and warnings of this package, and the checks of arguments that raise them.
 
-Functions that take the `name` of an argument, for the message, raise `InvalidInputError` where its
-value is invalid.
+A message states the value that was given, what was expected, and the choices. The functions that
+take the `name` of an argument show it in the message. They raise `InvalidInputError` on an invalid
+value.
 """
 
 import contextlib
@@ -27,11 +28,11 @@ class InvalidInputError(HcbfError, ValueError):
 
 
 class UnreachableError(InvalidInputError):
-    """No input of a model reaches a barrier by a derivative that could preserve it."""
+    """No input of a model changes a derivative of a barrier's h that could preserve the barrier."""
 
 
 class UnknownNameError(InvalidInputError):
-    """A name is not among the registered ones; the message lists them."""
+    """A name is not registered; the message lists the registered ones."""
 
 
 class RobotModelError(InvalidInputError):
@@ -58,18 +59,15 @@ class MissingDependencyError(HcbfError, ImportError):
     """An optional dependency is needed; the message names the extra that brings it."""
 
 
-LONGEST = 400  # characters of a value that a message shows
-
-MOST = 10_000_000  # what a count may be
-
-DEEPEST = 64  # how deep lists of numbers may be nested: an array of NumPy has no more axes
-
+MAX_SHOWN = 400  # the number of characters of a value that a message shows at most
+MAX_COUNT = 10_000_000  # the largest number that `count` accepts unless it is given another
+MAX_NESTING = 64  # how deep lists of numbers may be nested: a NumPy array has no more axes
 UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
-"""What reading an answer of a user's own code raises where it is none."""
+"""The errors that reading a malformed result of a user's function raises."""
 
 
 class CoverageWarning(UserWarning):
-    """Rank 1 is not promised for these arguments: they leave what was tested."""
+    """Rank 1 is not promised for these arguments: they are outside of the tested ranges."""
 
 
 class LoweredWarning(UserWarning):
@@ -77,31 +75,32 @@ class LoweredWarning(UserWarning):
 
 
 class SafetyWarning(UserWarning):
-    """The filter brakes, or has noticed that the plant is not the one that was declared."""
+    """The filter brakes, or has detected that the plant differs from the declared one."""
 
 
-_PASSED = {"hcbf_gym", "hcbf_robots", "hcbf_lab", "gymnasium", "contextlib", "functools"}
-"""Packages whose lines are not the user's."""
+_NOT_THE_USERS = {"hcbf_gym", "hcbf_robots", "hcbf_lab", "gymnasium", "contextlib", "functools"}
+"""Packages whose lines no warning points to."""
 
 
 def warn_caller(text: str, category: type[Warning] = UserWarning) -> None:
-    """Warn of the user's line: the first one that is neither this package's nor Gymnasium's."""
+    """Warn with the line of the user's code from which this package was called."""
     frame, level = sys._getframe(), 1
-    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _NOT_THE_USERS:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)
 
 
 @contextlib.contextmanager
 def warned_once() -> Iterator[None]:
-    """Collect the warnings inside, and give each of them once, at the end."""
+    """Collect the warnings of the block, and repeat each of them once at its end."""
     raised: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
             yield
     finally:  # after an error, too: a warning may explain it
-        for text, category in dict.fromkeys((str(one.message), one.category) for one in raised):
+        different = dict.fromkeys((str(warning.message), warning.category) for warning in raised)
+        for text, category in different:
             warn_caller(text, category)
 
 
@@ -109,7 +108,7 @@ def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
     """Return ``choices[name]``; the message of an error calls it a `kind` ("program", …).
 
     Raises:
-        UnknownNameError: if there is no such name; the message lists those that there are.
+        UnknownNameError: if there is no such name; the message lists the names that exist.
     """
     if not isinstance(name, str) or name not in choices:
         raise UnknownNameError(
@@ -118,8 +117,8 @@ def choose(kind: str, name: object, choices: Mapping[str, T]) -> T:
     return choices[name]
 
 
-def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) -> int:
-    """Return a whole number from `minimum` to `maximum`, which is no truth value."""
+def count(name: str, value: object, *, minimum: int = 1, maximum: float = MAX_COUNT) -> int:
+    """Return a whole number from `minimum` to `maximum`; truth values are refused."""
     number = minimum - 1  # out of range
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         number = int(value)
@@ -132,7 +131,7 @@ def count(name: str, value: object, *, minimum: int = 1, maximum: float = MOST) 
 
 
 def instance(name: str, value: object, *kinds: type[T]) -> T:
-    """Return an instance of one of some classes."""
+    """Return the value, which has to be an instance of one of the classes `kinds`."""
     if not isinstance(value, kinds):
         expected = " or ".join(f"a {kind.__name__}" for kind in kinds)
         raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
@@ -140,20 +139,20 @@ def instance(name: str, value: object, *kinds: type[T]) -> T:
 
 
 def flag(name: str, value: object) -> bool:
-    """Return a truth value; the text "False" is none."""
+    """Return a truth value; numbers and text such as "False" are refused."""
     return bool(instance(name, value, bool, np.bool_))
 
 
 def listed(name: str, value: object, *kinds: type[T]) -> tuple[T, ...]:
-    """Return a sequence of instances of some classes as a tuple."""
+    """Return a sequence as a tuple; its entries have to be instances of the classes `kinds`."""
     if not isinstance(value, Sequence) or isinstance(value, str | bytes):
         expected = " or ".join(kind.__name__ for kind in kinds)
         raise InvalidInputError(f"{name}: got {shown(value)}, expected a sequence of {expected}")
-    return tuple(instance(name, one, *kinds) for one in value)
+    return tuple(instance(name, entry, *kinds) for entry in value)
 
 
 def text(name: str, value: object) -> str:
-    """Return a text or a path, without a NUL, as text."""
+    """Return a text or a path as text; a NUL character in it is refused."""
     if not isinstance(value, str | Path) or "\0" in str(value):
         raise InvalidInputError(f"{name}: got {shown(value)}, expected text")
     return str(value)
@@ -163,7 +162,7 @@ def require(what: str, extra: str, *modules: str) -> None:
     """Refuse to begin `what` ("hcbf tune", "--video", …) without the modules of an extra.
 
     Raises:
-        MissingDependencyError: if one is not installed; the message names the extra.
+        MissingDependencyError: if a module is not installed; the message names the extra.
     """
     missing = _missing(modules)
     if missing:
@@ -173,39 +172,40 @@ def require(what: str, extra: str, *modules: str) -> None:
 
 
 def _missing(modules: Iterable[str]) -> list[str]:
+    """Return the modules that are not installed, without an import of the others."""
     return [name for name in modules if importlib.util.find_spec(name) is None]
 
 
 def install(extra: str) -> str:
-    """Return the command that installs an extra of this package, which is on no index."""
+    """Return the commands that install an extra from a checkout; this package is on no index."""
     return (
         f"pip install -c constraints.txt -e '.[{extra}]' in a checkout, "
         f"pip install 'PATH/TO/CHECKOUT[{extra}]' elsewhere"
     )
 
 
-_PACKAGES = {"mujoco": "mujoco>=3.11", "pinocchio": "pin>=4.0"}
+_REQUIREMENTS = {"mujoco": "mujoco>=3.11", "pinocchio": "pin>=4.0"}  # module → what pip installs
 
 
 def require_packages(what: str, *modules: str) -> None:
     """Refuse to begin `what` without "mujoco" or "pinocchio", which a light installation lacks.
 
     Raises:
-        MissingDependencyError: if one is missing; the message is the line that installs it.
+        MissingDependencyError: if a module is missing; the message has the command to install it.
     """
     missing = _missing(modules)
     if missing:
-        line = " ".join(f"'{_PACKAGES[name]}'" for name in missing)
+        requirements = " ".join(f"'{_REQUIREMENTS[name]}'" for name in missing)
         raise MissingDependencyError(
-            f"{what}: got no {', '.join(missing)}, expected it: pip install {line}"
+            f"{what}: got no {', '.join(missing)}, expected it: pip install {requirements}"
         )
 
 
 def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> None:
-    """Refuse keyword options of a `kind` that are not allowed.
+    """Refuse unknown keyword options of a `kind` ("guidance", …).
 
     Raises:
-        InvalidInputError: if there is one; the message lists those that are allowed.
+        InvalidInputError: if an option is not allowed; the message lists the allowed ones.
     """
     allowed = sorted(allowed)
     unknown = sorted(set(options) - set(allowed))
@@ -216,12 +216,12 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
 
 
 def shown(value: object) -> str:
-    """Return the text of a value for a message, without the middle of a long one."""
+    """Return the text of a value for a message; the middle of a long text is left out."""
     try:
         text = repr(value)
     except Exception:  # endless lists and foreign objects raise anything
         text = f"a {type(value).__name__}"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 60]} … {text[-50:]}"
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 60]} … {text[-50:]}"
 
 
 def reals(name: str, value: object) -> NDArray[np.float64]:
@@ -232,7 +232,7 @@ def reals(name: str, value: object) -> NDArray[np.float64]:
             or 64 bits, and ragged lists.
     """
     given = as_array(name, value)
-    if isinstance(value, list | tuple):  # of which an array forgets what was a truth value
+    if isinstance(value, list | tuple):  # an array of them no longer shows what was a truth value
         is_real = _is_real(value) and (given.dtype.kind == "O" or holds_numbers(given.dtype))
     else:
         is_real = holds_numbers(given.dtype)
@@ -253,18 +253,16 @@ def finite_array(
     Args:
         name: the argument's name, for the message.
         value: real numbers, in an array or in lists of them.
-        shape: the expected one, with None for any length.
-        largest: magnitude of an entry.
+        shape: the expected shape, with None for an axis of any length.
+        largest: the largest magnitude of an entry.
 
     Raises:
         InvalidInputError: on what `reals` refuses, another shape, NaN, infinity or larger entries.
     """
     array = reals(name, value)
-    expected = tuple("any" if n is None else n for n in shape)
-    matches = len(array.shape) == len(shape) and all(
-        n is None or n == got for n, got in zip(shape, array.shape, strict=True)
-    )
-    if not matches:
+    has_axes = array.ndim == len(shape)
+    if not has_axes or any(n not in (None, got) for n, got in zip(shape, array.shape, strict=True)):
+        expected = tuple("any" if n is None else n for n in shape)
         raise InvalidInputError(f"{name}: got shape {array.shape}, expected {expected}")
     if not np.isfinite(array).all():
         raise InvalidInputError(f"{name}: got {shown(array.tolist())}, expected finite numbers")
@@ -277,19 +275,19 @@ def finite_array(
 
 
 def floats(name: str, value: object, shape: tuple[int, ...] | None = None) -> NDArray[Any]:
-    """Return `value` as an array that keeps its 32 or 64 bits; Python's numbers have 64.
+    """Return `value` as an array that retains its 32 or 64 bits; Python's numbers have 64.
 
-    Entries may be NaN or infinite; a shape of None is any.
+    Entries may be NaN or infinite. A shape of None accepts any.
 
     Raises:
-        InvalidInputError: on integers, half precision, truth values, complex numbers, objects, and
-            another shape.
+        InvalidInputError: on arrays of integers, half precision, truth values, complex numbers,
+            objects, and another shape.
     """
     given = as_array(name, value)
     if isinstance(value, list | tuple | int) and given.dtype.kind in "iu" and _is_real(value):
         given = given.astype(np.float64)
-    is_sound = given.dtype.kind == "f" and holds_numbers(given.dtype)
-    if not is_sound or shape not in (None, given.shape):
+    is_float = given.dtype.kind == "f" and holds_numbers(given.dtype)
+    if not is_float or shape not in (None, given.shape):
         raise InvalidInputError(
             f"{name}: got {given.dtype} of shape {given.shape}, expected real numbers, float32 or "
             f"float64, of shape {'any' if shape is None else shape}"
@@ -323,7 +321,7 @@ def as_array(name: str, value: object) -> NDArray[Any]:
 
 
 def library_of(value: object) -> str:
-    """Return "torch", "jax" or "numpy", without an import of them."""
+    """Return which library made an array, "torch", "jax" or "numpy"; nothing is imported."""
     torch, jax = sys.modules.get("torch"), sys.modules.get("jax")
     if torch is not None and isinstance(value, torch.Tensor):
         return "torch"
@@ -333,6 +331,7 @@ def library_of(value: object) -> str:
 
 
 def _of_torch(name: str, tensor: Any) -> NDArray[Any]:
+    """Return a tensor's memory as an array; tensors that have no such view are refused."""
     if tensor.requires_grad:
         raise InvalidInputError(
             f"{name}: got a tensor that needs a gradient, expected one without: {name}.detach(); "
@@ -352,14 +351,14 @@ def _of_torch(name: str, tensor: Any) -> NDArray[Any]:
 
 
 def holds_numbers(dtype: np.dtype) -> bool:
-    """Return whether a type is of integers, or of floats of 32 or 64 bits."""
+    """Return whether a type holds integers, or floats of 32 or 64 bits."""
     return dtype.kind in "iu" or (dtype.kind == "f" and dtype.itemsize in (4, 8))
 
 
-def _is_real(value: object, deepest: int = DEEPEST) -> bool:
-    """Return whether no entry is a text, a truth value or a complex number."""
+def _is_real(value: object, levels: int = MAX_NESTING) -> bool:
+    """Return whether no entry of nested lists is a text, a truth value or a complex number."""
     if isinstance(value, list | tuple):
-        return deepest > 0 and all(_is_real(one, deepest - 1) for one in value)
+        return levels > 0 and all(_is_real(entry, levels - 1) for entry in value)
     if isinstance(value, np.ndarray | np.generic):
         return holds_numbers(value.dtype)
     return not isinstance(value, bool | str | bytes | complex)
@@ -373,13 +372,10 @@ def finite_float(
     maximum: float = np.inf,
     exclusive: bool = False,
 ) -> float:
-    """Return a finite float from `minimum`, itself refused if exclusive, to `maximum`.
+    """Return a finite float from `minimum` to `maximum`; `exclusive` refuses `minimum` itself.
 
     Truth values and half precision are refused.
     """
-    low = f"{'>' if exclusive else '>='} {minimum}" if np.isfinite(minimum) else ""
-    high = f"<= {maximum}" if np.isfinite(maximum) else ""
-    expected = f"a number {' and '.join(filter(None, (low, high))) or 'that is finite'}"
     is_number = isinstance(value, int | float | np.integer | np.floating)
     is_half = isinstance(value, np.floating) and not holds_numbers(value.dtype)
     number = np.nan
@@ -388,5 +384,11 @@ def finite_float(
             number = float(value)
     too_low = number <= minimum if exclusive else number < minimum
     if not np.isfinite(number) or too_low or number > maximum:
-        raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
+        bounds = []
+        if np.isfinite(minimum):
+            bounds.append(f"{'>' if exclusive else '>='} {minimum}")
+        if np.isfinite(maximum):
+            bounds.append(f"<= {maximum}")
+        expected = " and ".join(bounds) or "that is finite"
+        raise InvalidInputError(f"{name}: got {shown(value)}, expected a number {expected}")
     return number

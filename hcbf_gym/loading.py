@@ -1,4 +1,4 @@
-"""What a user names on a command line or in a contract: their own functions, and networks."""
+"""Functions, modules and networks that a user names on a command line or in a contract."""
 
 import functools
 import importlib
@@ -17,7 +17,7 @@ from hcbf_gym import opened, sources
 from hcbf_gym.arrays import Array
 from hcbf_gym.errors import InvalidInputError, require, text
 
-EXTRA = "walkers"  # brings onnxruntime
+EXTRA = "walkers"  # the extra that installs onnxruntime
 
 
 def is_function(name: str) -> bool:
@@ -26,89 +26,87 @@ def is_function(name: str) -> bool:
 
 
 def function(what: str, name: str) -> Callable[..., Any]:
-    """Return the function or class of a name.
+    """Return the function or class that a name refers to.
 
-    A file's folder, or for a module the current folder, is searched for what it imports.
+    Its imports are also searched in the folder of the file, or in the current folder of a module.
 
     Args:
-        what: is named, for messages.
+        what: what the function is for, in messages: "policy", "environment", …
         name: ``module:function`` or ``file.py:function``.
 
     Raises:
-        InvalidInputError: if there is none, or its module raises an error.
+        InvalidInputError: if there is no such function, or its module raises an error.
     """
-    where, _, attribute = name.rpartition(":")
+    source, _, attribute = name.rpartition(":")
     expected = "expected module:function or file.py:function"
-    if not where or not attribute:
+    if not source or not attribute:
         raise InvalidInputError(f"{what}: got {name!r}, {expected}")
     try:
-        found = getattr(_module(where), attribute)
+        named = getattr(_module(source), attribute)
     except Exception as error:  # a user's module raises anything while it is imported
         raise InvalidInputError(
             f"{what}: got {name!r} ({type(error).__name__}: {error}), {expected}"
         ) from error
-    if not callable(found):
-        raise InvalidInputError(f"{what}: got {name!r}, which is {found!r}, expected a function")
-    return found
+    if not callable(named):
+        raise InvalidInputError(f"{what}: got {name!r}, which is {named!r}, expected a function")
+    return named
 
 
 def files(name: str) -> list[Path]:
-    """Return the file of a named function, with those that it imports; none of a package."""
-    where = name.rpartition(":")[0]
-    if where.endswith(".py"):
-        return sources.of_user(Path(where).resolve())
+    """Return the file of a named function and the files that it imports, see `sources.of_user`."""
+    source = name.rpartition(":")[0]
+    if source.endswith(".py"):
+        return sources.of_user(Path(source).resolve())
     try:
-        origin = inspect.getsourcefile(_module(where))
-    except (ImportError, TypeError):  # none, or built in
+        origin = inspect.getsourcefile(_module(source))
+    except (ImportError, TypeError):  # there is no such module, or it is built in
         origin = None
     return [] if origin is None else sources.of_user(Path(origin))
 
 
-def module(what: str, where: str) -> ModuleType:
-    """Return the module of a file or of a module's name.
-
-    Args:
-        what: is named, for messages.
-        where: the name, or ``file.py``.
+def module(what: str, source: str) -> ModuleType:
+    """Return the module of a name or of ``file.py``; messages call its purpose `what`.
 
     Raises:
-        InvalidInputError: if there is none, or it raises an error.
+        InvalidInputError: if there is no such module, or it raises an error.
     """
     try:
-        return _module(where)
+        return _module(source)
     except Exception as error:  # a user's module raises anything while it is imported
         raise InvalidInputError(
-            f"{what}: got {where!r} ({type(error).__name__}: {error}), expected a file or module "
+            f"{what}: got {source!r} ({type(error).__name__}: {error}), expected a file or module "
             "that can be imported"
         ) from error
 
 
 _opened: dict[ModuleType, dict[str, str]] = {}
-"""Module → the files that it read when it was imported, which decide what it does ever after."""
+"""Module → the files that it read when it was first imported, because they decide its results."""
 
 
-def _module(where: str) -> ModuleType:
-    with opened.recorded() as found:
-        module = _imported(where)
-    opened.note(_opened.setdefault(module, found))
+def _module(source: str) -> ModuleType:
+    """Return a module, and record the files that it read when it was imported first."""
+    with opened.recorded() as read:
+        module = _imported(source)
+    opened.note(_opened.setdefault(module, read))
     return module
 
 
-def _imported(where: str) -> ModuleType:
-    if not where.endswith(".py"):
-        here = str(Path.cwd())
-        if here not in sys.path:
-            sys.path.append(here)
-        return importlib.import_module(where)
-    file = Path(where).resolve()
+def _imported(source: str) -> ModuleType:
+    """Return the module of a name, searched in the current folder too, or of a file."""
+    if not source.endswith(".py"):
+        folder = str(Path.cwd())
+        if folder not in sys.path:
+            sys.path.append(folder)
+        return importlib.import_module(source)
+    file = Path(source).resolve()
     if not file.is_file():
-        raise ImportError(f"no file {where}")
+        raise ImportError(f"no file {source}")
     return _of_file(file, file.stat().st_mtime_ns)
 
 
 @functools.cache
-def _of_file(file: Path, changed: int) -> ModuleType:
-    """Return the module that a file is now, under a name that no other file has."""
+def _of_file(file: Path, modified: int) -> ModuleType:
+    """Return the module of a file, which is imported anew if it was modified since [ns]."""
     if str(file.parent) not in sys.path:
         sys.path.insert(0, str(file.parent))  # as Python does for a script
     name = f"hcbf_own_{file.stem}_{zlib.crc32(str(file).encode()):08x}"
@@ -126,15 +124,15 @@ def _of_file(file: Path, changed: int) -> ModuleType:
 
 
 class Network:
-    """An ONNX network without memory, run by onnxruntime on one core.
+    """A feed-forward policy from an ONNX file, run by onnxruntime on one core.
 
     Args:
-        path: of the file.
-        sizes: n of the observation and k of the action.
+        path: the file.
+        sizes: n, the size of the observation, and k, the size of the action.
 
     Raises:
         MissingDependencyError: if onnxruntime is missing.
-        InvalidInputError: if there is no such file, onnxruntime refuses it, or shapes differ.
+        InvalidInputError: if there is no such file, onnxruntime refuses it, or its sizes differ.
     """
 
     def __init__(self, path: Path, sizes: tuple[int, int]):
@@ -164,7 +162,7 @@ class Network:
         self._run = session.run
 
     def __call__(self, observation: Array) -> Array:
-        """Return (k,) the network's output."""
+        """Return the action (k,) for an observation (n,)."""
         self._input[0] = observation
         return self._run(self._output, self._feed)[0][0]
 
@@ -178,8 +176,8 @@ def _fits(shape: list[int | str | None], size: int) -> bool:
 
 
 @functools.cache
-def _session(path: Path, changed: int) -> Any:
-    """Return onnxruntime's session of a file as it is now; one serves all environments."""
+def _session(path: Path, modified: int) -> Any:
+    """Return onnxruntime's session of a file, which all share until it is modified [ns]."""
     onnxruntime: Any = importlib.import_module("onnxruntime")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

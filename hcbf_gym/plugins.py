@@ -1,4 +1,4 @@
-"""Packages above this one: what they register is known once their entry points are loaded."""
+"""Installed packages that extend this one, found by their entry points."""
 
 import functools
 from importlib import metadata
@@ -7,26 +7,23 @@ from hcbf_gym.arguments import Subcommand
 from hcbf_gym.errors import InvalidInputError
 
 GROUP = "hcbf.commands"
-"""The group of entry points by which packages add commands: name → a dict of `Subcommand`."""
+"""The group of entry points by which packages add commands: each is a dict of `Subcommand`."""
 
 
 @functools.cache
 def load() -> dict[str, Subcommand]:
-    """Import the installed packages of the group, which register scenes and environments.
-
-    Returns:
-        name → command, of all of them.
+    """Import all packages of `GROUP`, which register their scenes; return name → command.
 
     Raises:
-        InvalidInputError: if one of them cannot be imported.
+        InvalidInputError: if a package cannot be imported.
     """
-    found: dict[str, Subcommand] = {}
+    commands: dict[str, Subcommand] = {}
     for point in sorted(metadata.entry_points(group=GROUP), key=lambda point: point.name):
         try:
-            found |= point.load()
+            commands |= point.load()
         except Exception as error:  # of another package's code
             raise InvalidInputError(
                 f"entry point {point.name!r} of {GROUP}: got {error!r}, expected {point.value} to "
                 "be importable; uninstall or repair its package"
             ) from error
-    return found
+    return commands

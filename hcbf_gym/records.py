@@ -1,4 +1,4 @@
-"""JSON serialisation of dataclasses, and files that are written whole or not at all."""
+"""JSON serialisation of dataclasses, checks of paths, and files that are written atomically."""
 
 import json
 import os
@@ -14,9 +14,16 @@ import numpy as np
 
 from hcbf_gym.errors import InvalidInputError, choose, shown, text
 
+MAX_PATH_LENGTH = 4000  # the longest path [characters]; Linux allows 4096 bytes
+MAX_PART_BYTES = 255  # the longest name of a file or a folder on usual file systems [byte]
+MAX_NAME_BYTES = 200  # the longest name that becomes part of a file's name [byte]
+SETTINGS = "settings.json"  # a study's settings, which its folder has before there is a result
+
+_made_folders: ContextVar[list[Path] | None] = ContextVar("made_folders", default=None)
+
 
 def to_dict(record: Any, kinds: Mapping[str, type]) -> dict[str, Any]:
-    """Return ``{"kind": …, field: value, …}`` with JSON types, of a dataclass among named kinds."""
+    """Return ``{"kind": …, field: value, …}`` in JSON's terms, of a dataclass among `kinds`."""
     kind = next(name for name, cls in kinds.items() if type(record) is cls)
     return {"kind": kind} | {f.name: plain(getattr(record, f.name)) for f in fields(record)}
 
@@ -25,7 +32,7 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
     """Build the dataclass that ``data["kind"]`` names from the other entries.
 
     Args:
-        what: names it in messages ("barrier", "reference", …).
+        what: what the dataclass is, in messages: "barrier", "reference", …
         data: a mapping as `to_dict` makes it.
         kinds: name → class.
 
@@ -41,18 +48,16 @@ def from_dict(what: str, data: Any, kinds: Mapping[str, type]) -> Any:
 
 
 def build(what: str, cls: type, values: Mapping[str, object]) -> Any:
-    """Return a dataclass of the fields in `values`.
+    """Return an object of the dataclass `cls` from field → value; messages call it `what`.
 
     Raises:
         InvalidInputError: if a field is missing or unknown; the message lists the fields.
     """
     assert is_dataclass(cls)
-    known = [f.name for f in fields(cls)]
-    required = [
-        f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING
-    ]
+    known = [field.name for field in fields(cls)]
+    unset = [field for field in fields(cls) if field.name not in values]
+    missing = [f.name for f in unset if f.default is MISSING and f.default_factory is MISSING]
     unknown = sorted(set(values) - set(known))
-    missing = [name for name in required if name not in values]
     if unknown or missing:
         raise InvalidInputError(
             f"{what}: got missing field(s) {missing} and unknown field(s) {unknown}, "
@@ -71,7 +76,7 @@ def read_json(what: str, path: str | Path) -> Any:
     """Return the content of a JSON file, which messages call `what`.
 
     Raises:
-        InvalidInputError: if it cannot be read, or is not JSON.
+        InvalidInputError: if the file cannot be read, or is not JSON.
     """
     path = Path(text(what, path))
     try:
@@ -85,11 +90,11 @@ def read_json(what: str, path: str | Path) -> Any:
 def plain(value: Any) -> Any:
     """Return `value` in JSON's terms.
 
-    Tuples and arrays become lists, NumPy scalars numbers, paths text, enumerations their values,
-    and a record with a `to_dict` what that returns.
+    Tuples and arrays become lists, NumPy scalars become numbers, paths become text, and members of
+    enumerations their values. An object with a `to_dict` becomes the result of that.
 
     Raises:
-        InvalidInputError: if it is nested without end.
+        InvalidInputError: if `value` is nested too deeply, such as a list that contains itself.
     """
     try:
         return _plain(value)
@@ -121,28 +126,29 @@ def expanded(what: str, path: str) -> str:
     Raises:
         InvalidInputError: if a variable is not set.
     """
-    found = os.path.expanduser(os.path.expandvars(path))
-    if "$" in found:
+    result = os.path.expanduser(os.path.expandvars(path))
+    if "$" in result:
         raise InvalidInputError(
             f"{what}: got {path!r}, expected its environment variables to be set"
         )
-    return found
+    return result
 
 
 def check_place(name: str, path: Path, *, makes: bool = True) -> None:
     """Refuse a path where no folder or file can be.
 
     Raises:
-        InvalidInputError: if a part of the path is too long, or, unless `makes` is false, a file is
-            where a folder is to be made.
+        InvalidInputError: if the path or a part of it is too long, or, if `makes`, a file is where
+            a folder is to be made.
     """
-    whole_path = path.absolute()
-    if len(str(whole_path)) > 4000 or any(len(part.encode()) > 255 for part in whole_path.parts):
+    full_path = path.absolute()
+    is_too_long = len(str(full_path)) > MAX_PATH_LENGTH
+    if is_too_long or any(len(part.encode()) > MAX_PART_BYTES for part in full_path.parts):
         raise InvalidInputError(f"{name}: got {shown(str(path))}, expected a shorter path")
-    above = next(one for one in (whole_path, *whole_path.parents) if one.exists())
-    if makes and above != whole_path and not above.is_dir():
+    existing = next(parent for parent in (full_path, *full_path.parents) if parent.exists())
+    if makes and existing != full_path and not existing.is_dir():
         raise InvalidInputError(
-            f"{name}: got {shown(str(path))}, expected a place in a folder; {above} is a file"
+            f"{name}: got {shown(str(path))}, expected a place in a folder; {existing} is a file"
         )
 
 
@@ -150,20 +156,17 @@ def check_name(name: str, value: str) -> str:
     """Return a name that becomes part of a file's name.
 
     Raises:
-        InvalidInputError: if it is empty, hidden, too long, or holds what separates folders.
+        InvalidInputError: if it is empty, too long, begins with a dot or a dash, or contains a
+            character that separates folders or lines.
     """
-    separates = any(letter in value for letter in "/\\:\0\n")
-    if not value or value.startswith((".", "-")) or separates or len(value.encode()) > 200:
+    has_separator = any(letter in value for letter in "/\\:\0\n")
+    is_too_long = len(value.encode()) > MAX_NAME_BYTES
+    if not value or value.startswith((".", "-")) or has_separator or is_too_long:
         raise InvalidInputError(
             f"{name}: got {shown(value)}, expected a name of a file without its folder, such as "
             "'my-robot'"
         )
     return value
-
-
-SETTINGS = "settings.json"  # what a folder holds of its study, before there is a result
-
-_MADE: ContextVar[list[Path] | None] = ContextVar("folders that were made", default=None)
 
 
 def make_folder(folder: Path) -> None:
@@ -173,42 +176,42 @@ def make_folder(folder: Path) -> None:
         InvalidInputError: if it cannot be made.
     """
     check_place("output", folder)
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInputError(
             f"output: got {str(folder)!r} ({error.strerror}), expected a place to write to"
         ) from error
-    made = _MADE.get()
+    made = _made_folders.get()
     if made is not None:
         made += missing
 
 
 @contextmanager
 def nothing_left_behind() -> Iterator[None]:
-    """Remove the folders that `make_folder` makes inside, where an error comes before a result."""
+    """After an error, remove the folders that the block made and that contain no result."""
     made: list[Path] = []
-    token = _MADE.set(made)
+    token = _made_folders.set(made)
     try:
         yield
     except Exception:
-        for folder in sorted(made, key=lambda one: -len(one.parts)):
+        for folder in sorted(made, key=lambda folder: -len(folder.parts)):  # innermost first
             with suppress(OSError):
-                if [one.name for one in folder.iterdir()] == [SETTINGS]:
+                if [file.name for file in folder.iterdir()] == [SETTINGS]:
                     (folder / SETTINGS).unlink()
-                folder.rmdir()  # unless it holds a result
+                folder.rmdir()  # fails if the folder contains a result
         raise
     finally:
-        _MADE.reset(token)
+        _made_folders.reset(token)
 
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Yield a path to write to, which becomes `path` at the end: whole or not at all.
+    """Yield a temporary path to write to; after the block, the file replaces `path` at once.
 
-    Of two processes that write the same file the last one wins. The suffix is retained, as some
-    writers add one.
+    After an error `path` is unchanged. Of two processes that write the same file, the last one
+    wins. The temporary path has the suffix of `path`, because some writers add one otherwise.
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

@@ -1,4 +1,4 @@
-"""The sources of a result: the C++ core, the packages, and the files of users."""
+"""Hashes of the sources of a result: the C++ core, the packages, and the files of users."""
 
 import contextlib
 import functools
@@ -11,25 +11,25 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 NAMES = ("hcbf_gym", "hcbf_robots", "hcbf_lab")
-PACKAGES = tuple(PACKAGE.parent / name for name in NAMES)  # where the sources are
-CORE = PACKAGE.parent / "core"  # C++ sources, in a checkout
+PACKAGES = tuple(PACKAGE.parent / name for name in NAMES)  # their folders
+CORE = PACKAGE.parent / "core"  # the folder of the C++ sources, which only a checkout has
 REMEDY = "compile it in the checkout:\n    make core\nor install the package again"
 
 
 def core_hash(core: Path = CORE) -> str:
-    """Return a hash of the C++ sources of a folder, with their names."""
-    found = sorted(file for kind in ("*.hpp", "*.cpp") for file in core.rglob(kind))
+    """Return a hash of the names and contents of the C++ sources in a folder."""
+    files = sorted([*core.rglob("*.hpp"), *core.rglob("*.cpp")])
     digest = hashlib.sha256()
-    for file in found:
+    for file in files:
         digest.update(file.relative_to(core).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
 def check() -> None:
-    """Refuse a compiled core that is missing or was made from other sources.
+    """Refuse a compiled core that is missing, or that was compiled from other sources.
 
     Raises:
-        ImportError: with the remedy.
+        ImportError: if so; the message has the remedy.
     """
     try:
         compiled = importlib.import_module("hcbf_gym._core")
@@ -40,14 +40,14 @@ def check() -> None:
 
 
 def sources_hash(files: Iterable[Path]) -> str:
-    """Return a hash of the core, of all files of the packages, and of files of a user."""
+    """Return a hash of the core, of all files of the packages, and of a user's files."""
     names = sorted(f"{file.name} {_digest(file)}" for file in files)
     return hashlib.sha256("\n".join([_packages_hash(), *names]).encode()).hexdigest()[:16]
 
 
 @functools.cache
 def _packages_hash() -> str:
-    """Return a hash of the core, of this package, and of those beside it that build on it."""
+    """Return a hash of the core and of all files of the packages `NAMES`."""
     from hcbf_gym import _core
 
     files = sorted(file for package in PACKAGES for file in package.rglob("*") if file.is_file())
@@ -60,7 +60,7 @@ def _packages_hash() -> str:
 
 
 def of_user(file: Path) -> list[Path]:
-    """Return a user's Python file and what it imports: its folder's files, or its package."""
+    """Return a user's Python file and its imports: files of its folder, or its whole package."""
     top = file.parent
     while (top / "__init__.py").is_file():
         top = top.parent
@@ -70,8 +70,8 @@ def of_user(file: Path) -> list[Path]:
     finder = ModuleFinder([str(top)], excludes=list(NAMES))
     with contextlib.suppress(SyntaxError):  # reported where the file is imported
         finder.run_script(str(file))
-    found = (getattr(one, "__file__", None) for one in finder.modules.values())
-    return sorted({file, *(Path(name) for name in found if name)})
+    imported = (getattr(module, "__file__", None) for module in finder.modules.values())
+    return sorted({file, *(Path(name) for name in imported if name)})
 
 
 def _digest(file: Path) -> str:

@@ -1,9 +1,9 @@
-"""The version of this package; certificates belong to a release."""
+"""The version of this package."""
 
 VERSION = "0.2.0.dev0"
-"""With ``.dev`` it is a development version, between two releases."""
+"""The version; one with ``.dev`` is a development version, between two releases."""
 
 
 def release() -> str:
-    """Return the version for which certificates are earned: a candidate's is its release's."""
+    """Return the release to which certificates belong; a release candidate has its release's."""
     return VERSION.partition("rc")[0]

@@ -1,4 +1,4 @@
-"""What was certified of a plant: how often rank 1 is entered at most, with how much confidence."""
+"""Certificates: bounds, with their confidence, on the probability that a plant enters rank 1."""
 
 from hcbf_gym.certificates.certificate import Certificate, first_seed
 from hcbf_gym.certificates.declared import declared, identified, is_of_package, robot_of, same

@@ -1,4 +1,4 @@
-"""The record of a certificate: what was frozen, what came out, and of which plant.
+"""The record of a certificate: the plant, all that was fixed before the episodes, and the result.
 
 >>> block = Block(0, BLOCK, 900, 0, 0, 0.012, None)
 >>> certificate = Certificate(
@@ -17,8 +17,8 @@ import hashlib
 import json
 import math
 import re
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,8 @@ from hcbf_gym.certificates.parts import BLOCK, Block, Shown, Stratum, check_coun
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.plant import Uncertainty
 
-SEEDS = 100_000_000  # of each `--seed`; the second half belongs to its certificates
-TRY_SEEDS = 1_000_000  # of each try of a seed
+SEEDS = 100_000_000  # the seeds of each `--seed`; certificates draw from the second half of them
+TRY_SEEDS = 1_000_000  # the number of seeds that each try has
 PATTERNS = {
     "version": (r"\d+\.\d+\.\d+(\.dev\d+)?", "one such as '0.2.0'"),
     "commit": (
@@ -38,49 +38,51 @@ PATTERNS = {
         "'' or 7 to 40 hexadecimal digits, with a + where files were edited",
     ),
 }
-CALIBRATED = ("distance", "speed")  # of `Uncertainty`, what a calibration sets
-TOTALS = ("episodes", "entered", "falls", "alarms")
+"""Text field → the pattern that it matches, and the pattern in words."""
+CALIBRATED = ("distance", "speed")  # the fields of `Uncertainty` that a calibration sets
+TOTALS = ("episodes", "entered", "falls", "alarms")  # the fields that count episodes
 
 
 def first_seed(seed: int, attempt: int) -> int:
-    """Return the first seed of a try's episodes, which no calibration of the same seed draws."""
+    """Return the first seed of a try's episodes; no calibration of the same seed draws them."""
     return SEEDS * seed + SEEDS // 2 + TRY_SEEDS * attempt
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """How often a plant enters rank 1 at most, and all that this number was drawn from.
+    """An upper bound on the probability that a plant enters rank 1, with its evidence.
 
     With k of n independent episodes entered, P(enter) ≤ ε holds with confidence 1 − β as soon as
     e_n(ε) ≥ 1/β, see `certificates.sequential`. All fields before `episodes` were fixed before the
     first one; `hash` is of all fields.
 
     Args:
-        name: of the certificate, as its file's.
-        plant: what a plant must declare to be this one, ranges by name as `judge.judge`
-            reads them; "scene" is the family of its scenes.
-        family: of the episodes, as `hcbf_lab.certification.families` reads it.
-        words: the same in sentences.
-        margins: what rows reserved; None where the plant's own law decides it for each episode.
-        calibration: what was done before, a mapping for each round and search.
+        name: the name of the certificate, which is its file's.
+        plant: the ranges of the values that a plant must declare, by name, as `judge.judge` reads
+            them; "scene" is the family of its scenes.
+        family: the distribution of the episodes, as `hcbf_lab.certification.families` reads it.
+        words: the family in sentences.
+        margins: the margins that rows reserved; None where the plant's own law decides them for
+            each episode.
+        calibration: the rounds and searches that set the margins, a mapping for each.
         bound: ε.
         confidence: 1 − β.
         attempt: n of the n-th try of several, of which each spends β/2ⁿ; 0 for the only one.
-        first_seed: of the episodes; the others follow it.
-        version: of this package for which it was earned.
-        commit: of the checkout that earned or last repeated it, abbreviated; "" where there was
-            none.
-        versions: of what computes beside it, by name.
-        episodes: n, the first that were enough.
+        first_seed: the seed of the first episode; the others follow it.
+        version: the version of this package for which the certificate was earned.
+        commit: the abbreviated commit of the checkout that earned or last repeated it; "" if there
+            was no checkout.
+        versions: the versions of the other packages that compute, by name.
+        episodes: n, the least number that was enough.
         entered: k.
         e_value: e_n(ε).
-        least_h: over all episodes, of the strict conditions on the position [unit of h].
-        falls: in how many episodes the robot fell.
-        alarms: in how many the filter raised an alarm; with on_alarm="brake" the robot then
-            stopped.
-        shown: how much was put to the test.
+        least_h: the least h of the strict conditions on the position in all episodes [unit of h].
+        falls: the number of episodes in which the robot fell.
+        alarms: the number of episodes in which the filter raised an alarm; with on_alarm="brake"
+            the robot then stopped.
+        shown: figures that show how hard the episodes tested rank 1.
         strata: counts by policy and family of scenes.
-        blocks: what each `BLOCK` episodes showed.
+        blocks: counts of every `BLOCK` episodes.
 
     Raises:
         InvalidInputError: if the numbers contradict each other.
@@ -125,7 +127,7 @@ class Certificate:
                 )
         self._check_calibration()
         self._check_blocks()
-        for source, name, expected in self._derived():
+        for source, name, expected in self._derived_values():
             value = self.shown.pressed if name == "pressed" else getattr(self, name)
             if not math.isclose(value, expected, rel_tol=1e-9):
                 raise InvalidInputError(
@@ -135,93 +137,97 @@ class Certificate:
         if why:
             raise InvalidInputError(f"certificate: {why}")
 
-    def _derived(self) -> Iterator[tuple[str, str, float]]:
-        """Yield (source, field, value) of all that follows from other fields."""
+    def _derived_values(self) -> Iterator[tuple[str, str, float]]:
+        """Yield (source, field, value) of all fields that follow from others, the source."""
         yield "the try", "first_seed", first_seed(self.first_seed // SEEDS, self.attempt)
         needed = sequential.episodes_needed(self.bound, self.entered, self.doubt)
         yield "the bound", "episodes", needed
         yield "the bound", "e_value", sequential.e_value(self.entered, self.episodes, self.bound)
         for name in ("episodes", "entered"):
-            yield "the sum of strata", name, sum(getattr(s, name) for s in self.strata)
-        least = min((s.least_h for s in self.strata), default=math.inf)
+            yield "the sum of strata", name, sum(getattr(stratum, name) for stratum in self.strata)
+        least = min((stratum.least_h for stratum in self.strata), default=math.inf)
         yield "the least of strata", "least_h", least
         for name in ("entered", "falls", "alarms", "pressed"):
-            yield "the sum of blocks", name, sum(getattr(one, name) for one in self.blocks)
-        yield "the least of blocks", "least_h", min(one.least_h for one in self.blocks)
+            yield "the sum of blocks", name, sum(getattr(block, name) for block in self.blocks)
+        yield "the least of blocks", "least_h", min(block.least_h for block in self.blocks)
 
     def _check_calibration(self) -> None:
-        """Refuse rounds that reserved other things than those that were set."""
+        """Refuse rounds whose margins differ from these in a field that no calibration sets."""
         if self.margins is None:
             return
-        kept = {k: v for k, v in self.margins._asdict().items() if k not in CALIBRATED}
-        for one in self.calibration:
-            of_round = {k: v for k, v in one["margins"].items() if k not in CALIBRATED}
-            if of_round != kept:
+        expected = _not_calibrated(self.margins._asdict())
+        for calibration_round in self.calibration:
+            got = _not_calibrated(calibration_round["margins"])
+            if got != expected:
                 raise InvalidInputError(
-                    f"certificate: got a calibration with {of_round}, expected {kept} as in the "
+                    f"certificate: got a calibration with {got}, expected {expected} as in the "
                     "margins"
                 )
 
     def _check_blocks(self) -> None:
         """Refuse blocks of another number or size, or whose counts contradict their least h."""
-        if len(self.blocks) != -(-self.episodes // BLOCK):
+        if len(self.blocks) != -(-self.episodes // BLOCK):  # rounded up
             raise InvalidInputError(
                 f"certificate: got {len(self.blocks)} blocks, expected one for every {BLOCK} of "
                 f"{self.episodes} episodes"
             )
         for k, block in enumerate(self.blocks):
-            most = min(BLOCK, self.episodes - k * BLOCK)
             check_counts(block, "entered", "pressed", "steps", "falls", "alarms")
-            deepest = min(block.least_h, math.inf if (s := block.least_speed_h) is None else s)
-            counts = (block.entered, block.pressed, block.falls, block.alarms)
-            if not (max(counts) <= most and (deepest < 0.0) == (block.entered > 0)):
+            size = min(BLOCK, self.episodes - k * BLOCK)
+            largest = max(block.entered, block.pressed, block.falls, block.alarms)
+            least_speed_h = math.inf if block.least_speed_h is None else block.least_speed_h
+            is_entered = min(block.least_h, least_speed_h) < 0.0
+            if largest > size or is_entered != (block.entered > 0):
                 raise InvalidInputError(
-                    f"certificate: got {block}, expected counts of at most {most}, and entries "
+                    f"certificate: got {block}, expected counts of at most {size}, and entries "
                     "where a least h is below 0, and only there"
                 )
 
     @property
     def doubt(self) -> float:
-        """What this try may spend, β/2ⁿ."""
+        """The share of β that this try may spend, β/2ⁿ."""
         return (1.0 - self.confidence) / 2.0**self.attempt
 
     @property
     def hash(self) -> str:
-        """Of all fields."""
+        """The hash of all fields, 20 hexadecimal digits."""
         text = json.dumps(self._fields(), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
     @property
     def weightings(self) -> dict[str, float]:
-        """Bounds that hold for every weighting of families, by what they are families of."""
-        groups: dict[str, dict[object, list[int]]] = {
-            name: defaultdict(lambda: [0, 0])
-            for name in ("scenes", "policies", "policies in scenes")
+        """Bounds that hold however the families are weighted, by the kind of the families."""
+        families: dict[str, Callable[[Stratum], object]] = {
+            "scenes": lambda stratum: stratum.scene,
+            "policies": lambda stratum: stratum.policy,
+            "policies in scenes": lambda stratum: (stratum.policy, stratum.scene),
         }
-        for s in self.strata:
-            for name, key in zip(groups, (s.scene, s.policy, (s.policy, s.scene)), strict=True):
-                count = groups[name][key]
-                count[0], count[1] = count[0] + s.entered, count[1] + s.episodes
-        return {
-            name: sequential.any_weighting([(k, n) for k, n in counts.values()], self.doubt)
-            for name, counts in groups.items()
-        }
+        bounds = {}
+        for name, family_of in families.items():
+            entered, episodes = Counter[object](), Counter[object]()
+            for stratum in self.strata:
+                entered[family_of(stratum)] += stratum.entered
+                episodes[family_of(stratum)] += stratum.episodes
+            counts = [(entered[family], episodes[family]) for family in episodes]
+            bounds[name] = sequential.any_weighting(counts, self.doubt)
+        return bounds
 
     @property
     def summary(self) -> str:
-        """The number in one sentence."""
+        """The result in one sentence."""
         return (
             f"{self.name}: {self.entered} of {self.episodes:,} episodes entered rank 1; "
             f"P(enter) ≤ {self.bound:.3g} with {self.confidence:.1%} confidence"
         )
 
     def to_dict(self) -> dict[str, object]:
-        """Return it in JSON's terms, the bound and its counts first."""
+        """Return the certificate in JSON's terms, the bound and its counts first."""
         data = self._fields()
         first = ("name", "episodes", "entered", "bound", "confidence", "e_value", "try", "least_h")
         return {name: data.pop(name) for name in first} | {"hash": self.hash} | data
 
     def _fields(self) -> dict[str, object]:
+        """Return key → value of all fields in JSON's terms; `attempt` has the key "try"."""
         data = {field.name: getattr(self, field.name) for field in fields(self)}
         data["margins"] = None if self.margins is None else self.margins._asdict()
         data["shown"] = self.shown._asdict()
@@ -231,11 +237,10 @@ class Certificate:
 
     @classmethod
     def from_dict(cls, data: Any) -> "Certificate":
-        """Return the certificate that `to_dict` made this of.
+        """Return the certificate of a mapping that `to_dict` made.
 
         Raises:
-            InvalidInputError: if a field is missing, unknown or malformed, or anything has been
-                changed since.
+            InvalidInputError: if a field is missing, unknown or malformed, or was changed since.
         """
         records.check_mapping("certificate", data)
         try:
@@ -270,13 +275,18 @@ class Certificate:
         """Read a certificate from its JSON file.
 
         Raises:
-            InvalidInputError: if it cannot be read, or is none.
+            InvalidInputError: if the file cannot be read, or holds no valid certificate.
         """
         return cls.from_dict(records.read_json("certificate", path))
 
     def save(self, path: Path) -> None:
-        """Write it to a JSON file, whole or not at all."""
+        """Write the certificate to a JSON file, whole or not at all."""
         records.make_folder(path.parent)
         with records.whole(path) as partial:
             text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
             partial.write_text(text + "\n", encoding="utf-8")
+
+
+def _not_calibrated(margins: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of margins that no calibration sets."""
+    return {name: value for name, value in margins.items() if name not in CALIBRATED}

@@ -1,4 +1,4 @@
-"""What identifies a plant, as certificates compare it."""
+"""The identity of a plant, by which certificates compare it."""
 
 import functools
 import hashlib
@@ -14,28 +14,28 @@ from hcbf_gym.certificates.introspection import attributes
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
 
-_SHOWN = type(None), bool, int, float, str
-"""Values that are compared as they are; all others by type and hash."""
+_COMPARED_AS_THEY_ARE = type(None), bool, int, float, str
+"""Types of parts that an identity contains; other parts count by their type and hash."""
 UNHASHABLE = "what cannot be hashed"
-"""The name of the list of parts that have no identity: no certificate holds it."""
+"""The key of the list of parts that cannot be hashed; no certificate has it, so none fits."""
 
 
 def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[str, object]:
-    """Return what identifies a plant, in JSON's terms.
+    """Return name → value of all that identifies a plant, in JSON's terms.
 
-    The package's own environments are identified by their arguments, since the package's version
-    decides the rest. Any other plant is identified by what it declares, by the class and the
-    attributes of its environment, and by every field of its `Plant`, each with its `identity`.
-    Attributes that a reset changes count as they are, so an environment is read before its first.
+    The package's own environments are identified by their arguments, because the package's version
+    determines the rest. Any other plant is identified by the values that it declares, by the class
+    and the attributes of its environment, and by every field of its `Plant`. An attribute counts as
+    it is now. A reset may change it, so an environment has to be read before its first reset.
 
     Args:
-        plant: that a filter has.
-        env: unwrapped.
-        observation: the latest.
-        info: the latest.
+        plant: the filter's plant.
+        env: its environment, unwrapped.
+        observation: the latest observation, for the reader of `Plant.declared`.
+        info: the latest info, for the same.
 
     Raises:
-        InvalidInputError: if it declares an empty mapping.
+        InvalidInputError: if the plant declares an empty mapping.
     """
     stated: dict[str, object] = {}
     if plant.declared is not None:
@@ -61,35 +61,37 @@ def identified(plant: Plant, env: Any) -> dict[str, object]:
     }
     if plant.input_set is None:
         parts["action space"] = env.action_space
-    found: dict[str, object] = {}
+    identities: dict[str, object] = {}
     unhashable = []
     for name, part in parts.items():
-        if type(part) in _SHOWN:
-            found[name] = part
+        if type(part) in _COMPARED_AS_THEY_ARE:
+            identities[name] = part
             continue
         cls = part if isinstance(part, type) else type(part)
         try:
-            found[name] = f"{cls.__name__} {identity.of(part, name)}"
+            identities[name] = f"{cls.__name__} {identity.of(part, name)}"
         except identity.UnhashableError as error:
             unhashable.append(str(error))
-    return found | ({UNHASHABLE: unhashable} if unhashable else {})
+    if unhashable:
+        identities[UNHASHABLE] = unhashable
+    return identities
 
 
 def robot_of(name: str, files: Iterable[Path]) -> str:
-    """Return a robot's name in certificates: its own, and a hash of its files' contents."""
+    """Return a robot's name in certificates: its own name and a hash of its files' contents."""
     digests = {hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
     return f"{name} {hashlib.sha256(' '.join(sorted(digests)).encode()).hexdigest()[:16]}"
 
 
 def is_of_package(reader: object) -> bool:
-    """Return whether a reader is one of this package."""
-    inner = reader.func if isinstance(reader, functools.partial) else reader
-    top = str(getattr(inner, "__module__", "")).partition(".")[0]
-    return callable(reader) and top in sources.NAMES
+    """Return whether a reader of a plant is a function of this package, not of a user."""
+    function = reader.func if isinstance(reader, functools.partial) else reader
+    package = str(getattr(function, "__module__", "")).partition(".")[0]
+    return callable(reader) and package in sources.NAMES
 
 
 def same(one: object, other: object) -> bool:
-    """Return whether two parts of plants are identical; False where one cannot be hashed."""
+    """Return whether two parts of plants have one identity; False if one cannot be hashed."""
     try:
         return one is other or identity.of(one) == identity.of(other)
     except identity.UnhashableError:

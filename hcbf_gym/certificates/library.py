@@ -1,4 +1,4 @@
-"""The certificates that come with the package, and which of them fits a plant."""
+"""The certificates that come with the package, and the choice of one that fits a plant."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -14,11 +14,11 @@ from hcbf_gym.errors import CoverageWarning, InvalidInputError, shown, warn_call
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
 FOLDER = Path(__file__).with_name("shipped")
-"""Of the shipped ones, one JSON file each; its name is the certificate's."""
+"""The folder of the shipped certificates: one JSON file each, with the certificate's name."""
 
 TESTED = Path(__file__).with_name("tested.json")
-"""Ranges that were tested without a number of their own: of the filter's arguments, of its plant,
-and of an environment's arguments of which one alone may be left for a wider range."""
+"""Ranges that were tested but that no certificate holds: of the filter's arguments, of its plant,
+and the wider ranges of an environment, into which one argument may go alone (see `judge`)."""
 
 
 @cache
@@ -28,31 +28,31 @@ def tested() -> Mapping[str, Any]:
 
 
 def of_another_version(certificate: Certificate | None = None) -> str:
-    """Return why a certificate, or any of this version, covers nothing; "" where it does."""
-    here = version.VERSION
-    if ".dev" in here:
+    """Return why this certificate, or any, is not valid for this version; "" if it is."""
+    installed = version.VERSION
+    if ".dev" in installed:
         return (
-            f"hcbf-gym {here} is a development version: the filter works as in a release, but no "
-            "certificate was earned for it, so that covered is 0 (VERSION)"
+            f"hcbf-gym {installed} is a development version: the filter works as in a release, but "
+            "no certificate was earned for it, so that covered is 0 (VERSION)"
         )
     if certificate is None or certificate.version == version.release():
         return ""
     return (
         f"the certificate {certificate.name!r} was earned for hcbf-gym {certificate.version}, and "
-        f"this is {here}: covered is 0 (VERSION); install hcbf-gym=={certificate.version}, or earn "
-        "it again by `hcbf certify`"
+        f"this is {installed}: covered is 0 (VERSION); install hcbf-gym=={certificate.version}, or "
+        "earn it again by `hcbf certify`"
     )
 
 
 @cache
 def warn_of_version(why: str) -> None:
-    """Warn once a process of what `of_another_version` returns."""
+    """Warn once a process with a sentence that `of_another_version` returned."""
     warn_caller(why, CoverageWarning)
 
 
 @cache
 def shipped() -> Mapping[str, Certificate]:
-    """Return name → certificate of those that come with the package."""
+    """Return name → certificate of all that come with the package."""
     files = sorted(FOLDER.glob("*.json"))
     return MappingProxyType({file.stem: Certificate.load(file) for file in files})
 
@@ -61,10 +61,10 @@ def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate
     """Return a certificate.
 
     Args:
-        source: itself, the path of its file, its plain form, or the name of a shipped one.
+        source: a certificate, the path of its file, its plain form, or the name of a shipped one.
 
     Raises:
-        InvalidInputError: if there is none.
+        InvalidInputError: if it is none of these.
     """
     if isinstance(source, Certificate):
         return source
@@ -75,12 +75,12 @@ def load(source: str | Path | Mapping[str, object] | Certificate) -> Certificate
             f"certificate: got {shown(source)}, expected a Certificate, its plain form, a file, or "
             f"one of {', '.join(shipped())}"
         )
-    known = shipped().get(str(source))
-    return Certificate.load(source) if known is None else known
+    named = shipped().get(str(source))
+    return Certificate.load(source) if named is None else named
 
 
 def file_of(source: str) -> Path:
-    """Return the file of a shipped certificate's name; a path is itself."""
+    """Return the file of a shipped certificate's name, or the path itself if it is no name."""
     return FOLDER / f"{source}.json" if source in shipped() else Path(source)
 
 
@@ -92,9 +92,9 @@ def judged_by(
     """Return whether a certificate covers a plant in this version of the package.
 
     Args:
-        certificate: any.
-        declared: what the plant declares, see `certificates.declared`.
-        alone: what was tested besides, see `judge`.
+        certificate: a certificate of any plant and version.
+        declared: the values that the plant declares, see `certificates.declared`.
+        alone: wider ranges, into which one argument may go alone, see `judge`.
     """
     judged = judge(declared, certificate.plant, alone)
     why = of_another_version(certificate)
@@ -106,17 +106,17 @@ def judged_by(
 class NearestCertificate(NamedTuple):
     """The shipped certificate that differs least from what a plant declares."""
 
-    certificate: Certificate | None  # None where none is of such an environment and robot
+    certificate: Certificate | None  # None if no certificate has the environment and the robot
     judged: Judged  # whether it covers the plant
 
     def again(self, declared: Mapping[str, object]) -> Judged:
-        """Return whether it covers the plant in another scene, `declared["scene"]`."""
+        """Return whether it also covers the plant in another scene, `declared["scene"]`."""
         if self.judged.outside or self.certificate is None:
             return self.judged
         return judge({"scene": declared["scene"]}, {"scene": self.certificate.plant["scene"]})
 
     def despite(self, complaints: Iterable[str]) -> "NearestCertificate":
-        """Return it with sentences about where the plant does not follow; they cover nothing."""
+        """Return the certificate with complaints about the plant; with any, it covers nothing."""
         reasons = tuple(complaints)
         if not reasons:
             return self
@@ -125,46 +125,48 @@ class NearestCertificate(NamedTuple):
 
     @property
     def margins(self) -> Uncertainty | None:
-        """What rows reserve by it; None where it is of another plant, or leaves it to a law."""
-        other = self.judged.covered_by in (CoveredBy.ARGUMENT, CoveredBy.UNKNOWN)
-        return None if self.certificate is None or other else self.certificate.margins
+        """The margins that rows reserve; None if it is another plant's, or its law decides them."""
+        is_of_another = self.judged.covered_by in (CoveredBy.ARGUMENT, CoveredBy.UNKNOWN)
+        return None if self.certificate is None or is_of_another else self.certificate.margins
 
 
 def nearest(declared: Mapping[str, Any]) -> NearestCertificate:
-    """Return the shipped certificate that fits a plant best.
+    """Return the shipped certificate that fits a plant best: the one with the fewest reasons.
 
     Args:
-        declared: what the plant declares; "environment" and "robot" must be the certified ones.
+        declared: the values that the plant declares; only certificates of its "environment" and
+            "robot" are compared.
     """
     alone = tested()["alone"].get(declared["environment"])
-    alike = [
-        NearestCertificate(one, judged_by(one, declared, alone))
-        for one in shipped().values()
-        if all(one.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
+    candidates = [
+        NearestCertificate(certificate, judged_by(certificate, declared, alone))
+        for certificate in shipped().values()
+        if all(certificate.plant.get(key) == declared.get(key) for key in ("environment", "robot"))
     ]
-    name = str(declared.get("robot")).rpartition(" ")[0]
+    if candidates:
+        return min(candidates, key=lambda candidate: len(candidate.judged.reasons))
+    name = str(declared.get("robot")).rpartition(" ")[0]  # without the hash, see `robot_of`
     reasons = (
         f"robot {name!r}, of which no certificate is shipped: hcbf certify makes one",
         *(f"{departure} (tested: none)" for departure in declared.get("departures", ())),
     )
-    none = NearestCertificate(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, reasons))
-    return min(alike, key=lambda found: len(found.judged.reasons), default=none)
+    return NearestCertificate(None, Judged(Coverage.OUTSIDE, CoveredBy.UNKNOWN, reasons))
 
 
 def at_least(margins: Uncertainty, robot: str) -> Uncertainty:
     """Return margins that are no smaller than those of a robot's certificate.
 
-    Such a certificate may be of another environment, but its calibration has seen more episodes
-    than any other source of margins.
+    Even in another environment, its calibration has more episodes than other sources of margins.
 
     Args:
-        margins: of the robot as it is used.
+        margins: the margins of the robot as it is used.
         robot: its name in certificates, see `declared.robot_of`.
     """
-    for one in shipped().values():
-        if one.margins is not None and one.plant.get("robot") == robot:
+    for certificate in shipped().values():
+        certified = certificate.margins
+        if certified is not None and certificate.plant.get("robot") == robot:
             margins = margins._replace(
-                distance=max(margins.distance, one.margins.distance),
-                speed=max(margins.speed, one.margins.speed),
+                distance=max(margins.distance, certified.distance),
+                speed=max(margins.speed, certified.speed),
             )
     return margins

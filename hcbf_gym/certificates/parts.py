@@ -1,4 +1,4 @@
-"""Parts of a certificate: what episodes showed, by policy and scene, by tens, and in all."""
+"""Counts of a certificate's episodes: by policy and scene, in blocks of ten, and in all."""
 
 import math
 from dataclasses import dataclass
@@ -7,27 +7,27 @@ from typing import NamedTuple
 from hcbf_gym.errors import InvalidInputError, count, finite_float
 
 BLOCK = 10
-"""Episodes that are summed up together, so that a part can be repeated and compared."""
+"""The number of episodes that a `Block` sums up; repeating one block checks a certificate."""
 PRESSED = 0.5
-"""The least share of episodes in which the filter had to stop the policy, so that the chance of
-entering in an episode where rank 1 was at stake is at most twice the bound."""
+"""The least share of episodes in which the filter had to stop the policy. With one half, the chance
+of entering in an episode in which rank 1 was at stake is at most twice the bound."""
 LASTING = 10
 """The least number of steps that half of the episodes must last."""
 
 
 @dataclass(frozen=True)
 class Stratum:
-    """What one policy did in one family of scenes.
+    """The episodes of one policy in one family of scenes.
 
     Args:
-        policy: an attack's name, or a policy's.
+        policy: the name of an attack or a policy.
         scene: the family's name; "own" where the environment draws its scenes.
-        episodes: how many were drawn.
-        entered: in how many rank 1 was entered.
-        least_h: of the strict conditions on the position [unit of h].
+        episodes: the number of episodes.
+        entered: the number of them in which rank 1 was entered.
+        least_h: the least h of the strict conditions on the position [unit of h].
 
     Raises:
-        InvalidInputError: if a number is none, or contradicts another.
+        InvalidInputError: if a number is malformed or contradicts another.
     """
 
     policy: str
@@ -39,7 +39,8 @@ class Stratum:
     def __post_init__(self) -> None:
         check_counts(self, "episodes", "entered")
         finite_float("certificate: least_h", self.least_h)
-        if not (self.least_h < 0.0) <= self.entered <= self.episodes:
+        least_entered = 1 if self.least_h < 0.0 else 0  # h below 0 is an entry
+        if not least_entered <= self.entered <= self.episodes:
             raise InvalidInputError(
                 f"certificate: got {self}, expected between 0 and all of its episodes entered, "
                 "and one of them where its least h is below 0"
@@ -47,16 +48,16 @@ class Stratum:
 
 
 class Block(NamedTuple):
-    """What `BLOCK` episodes showed, or the last few.
+    """The counts of `BLOCK` episodes in a row; the last block may have fewer.
 
     Attributes:
-        entered: in how many rank 1 was entered.
-        pressed: in how many the filter stopped the policy.
-        steps: that they lasted together.
-        falls: in how many the robot fell.
-        alarms: in how many the filter raised an alarm.
-        least_h: of the strict conditions on the position [unit of h].
-        least_speed_h: of a strict speed limit [m/s]; None where there is none.
+        entered: the number of episodes in which rank 1 was entered.
+        pressed: the number in which the filter stopped the policy.
+        steps: the number of steps of all its episodes together.
+        falls: the number of episodes in which the robot fell.
+        alarms: the number in which the filter raised an alarm.
+        least_h: the least h of the strict conditions on the position [unit of h].
+        least_speed_h: the least h of a strict speed limit [m/s]; None where there is none.
     """
 
     entered: int
@@ -69,12 +70,13 @@ class Block(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """How much the episodes put rank 1 to the test.
+    """Figures that show how hard the episodes tested rank 1, see `vacuous`.
 
     Attributes:
-        pressed: in how many the filter changed an input that would have entered within a second.
-        half_within: how near half of the episodes came to rank 1, their least h [unit of h].
-        half_last: how long half of them lasted at least [steps].
+        pressed: the number of episodes with an input that the filter changed because it would have
+            entered rank 1 within a second.
+        half_within: half of the episodes came this near to rank 1: their least h [unit of h].
+        half_last: half of the episodes lasted at least so long [steps].
     """
 
     pressed: int
@@ -83,7 +85,7 @@ class Shown(NamedTuple):
 
 
 def vacuous(shown: Shown, episodes: int) -> str:
-    """Return why n episodes put nothing to the test; "" where they do."""
+    """Return why n episodes do not test rank 1, which makes a certificate void; "" if they do."""
     if shown.half_last < LASTING:
         return (
             f"half of the episodes ended within {shown.half_last} steps, expected {LASTING} at "
@@ -101,6 +103,6 @@ def vacuous(shown: Shown, episodes: int) -> str:
 
 
 def check_counts(record: object, *names: str) -> None:
-    """Refuse fields that are no counts."""
+    """Refuse a record of which one of the named fields is no count."""
     for name in names:
         count(f"certificate: {name}", getattr(record, name), minimum=0, maximum=math.inf)

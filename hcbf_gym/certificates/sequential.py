@@ -1,4 +1,4 @@
-r"""A bound on a chance that may be looked at after every episode.
+r"""A bound on the chance of entering rank 1 that may be inspected after every episode.
 
 Of n episodes k have entered. With :math:`q = ε/5`,
 
@@ -7,7 +7,7 @@ Of n episodes k have entered. With :math:`q = ε/5`,
 is the wealth from a stake of 1 in a bet on the chance q at the odds of ε. Where each episode enters
 with a chance of at least ε, whatever came before, the wealth is a supermartingale, so that it ever
 reaches 1/β with a probability of at most β (Ville). As e grows with ε, the least ε at which it has
-reached 1/β bounds the chance at every n at once: one may inspect it, stop and continue.
+reached 1/β bounds the chance at every n at once. One may inspect it, stop and continue.
 
 >>> [episodes_needed(1e-2, entered, 1e-3) for entered in (0, 1, 2, 5)]
 [859, 1060, 1261, 1864]
@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-BET = 5.0  # ε/q: the wager is best where episodes enter so many times less often than the bound
-NEVER = 2.0  # above ε over this, e falls on average, and no number of episodes reaches 1/β
-DOUBT = 1e-3  # how often a run is called hopeless at most whose chance is not above ε / `NEVER`
-MOST = 700.0  # ln e beyond which e stays the same: doubles end at 709
+BET = 5.0  # ε/q. The wager is best if episodes enter so many times less often than the bound
+NEVER = 2.0  # above ε over this, e falls on average, and no number of episodes certifies ε
+DOUBT = 1e-3  # the probability of calling a run hopeless although its chance is ε / `NEVER`
+LARGEST_LOG_E = 700.0  # ln e above which e is cut off: doubles overflow at 709
 
 
 def log_e(entered: int, episodes: int, chance: float, rival: float) -> float:
@@ -37,27 +37,26 @@ def log_e(entered: int, episodes: int, chance: float, rival: float) -> float:
 
 def e_value(entered: int, episodes: int, bound: float) -> float:
     """Return e_n(ε) with k of n episodes entered and 0 < ε < 1."""
-    return math.exp(min(log_e(entered, episodes, bound, bound / BET), MOST))
+    return math.exp(min(log_e(entered, episodes, bound, bound / BET), LARGEST_LOG_E))
 
 
 def running_bound(entered: int, episodes: int, beta: float) -> float:
     """Return the least ε with e_n(ε) ≥ 1/β, k of n episodes having entered; 1 for none."""
     from scipy.optimize import brentq
 
-    wanted = -math.log(beta)
-
-    def short(bound: float) -> float:
-        return log_e(entered, episodes, bound, bound / BET) - wanted
+    def surplus(bound: float) -> float:
+        """Return ln e − ln(1/β), which grows with the bound."""
+        return log_e(entered, episodes, bound, bound / BET) + math.log(beta)
 
     low, high = 1e-12, 1.0 - 1e-12
-    if short(high) < 0.0:
+    if surplus(high) < 0.0:
         return 1.0
-    found: Any = brentq(short, low, high, xtol=1e-13, rtol=np.float64(1e-12))
-    return float(found)
+    root: Any = brentq(surplus, low, high, xtol=1e-13, rtol=np.float64(1e-12))
+    return float(root)
 
 
 def episodes_needed(bound: float, entered: int, beta: float) -> int:
-    """Return how many episodes certify ε at β, k of which have entered."""
+    """Return the least number of episodes that certify ε at β, if k of them have entered."""
     lost = entered * math.log(BET)
     stays = math.log1p(-bound / BET) - math.log1p(-bound)
     return entered + math.ceil((lost - math.log(beta)) / stays)
@@ -76,11 +75,11 @@ def any_weighting(counts: Iterable[tuple[int, int]], beta: float) -> float:
 
 @dataclass
 class Tally:
-    """Episodes in their order, and whether there is more to wait for.
+    """Counts the episodes of a run in their order, and decides when it may end.
 
     Args:
         bound: ε.
-        beta: how often it may be wrong.
+        beta: β, the probability with which the bound may be wrong.
         entered: k, so far.
         episodes: n, so far.
     """
@@ -97,7 +96,7 @@ class Tally:
 
     @property
     def certified(self) -> bool:
-        """Whether e has reached 1/β."""
+        """Whether e has reached 1/β, so that ε is certified."""
         gained = log_e(self.entered, self.episodes, self.bound, self.bound / BET)
         return gained >= -math.log(self.beta)
 

@@ -1,4 +1,4 @@
-r"""The estimator: from the true state, through the sensors, to the robot's estimate.
+r"""The estimator: simulates the sensors of a true state, and estimates the state from them.
 
 One Kalman filter serves both axes of the plane: they have the same model and the same noise, so
 that they share one covariance. The state of an axis is [p, v, d, a, s]: position [m], velocity
@@ -10,7 +10,7 @@ stance feet [m/s]. With the timestep Δ, the measured acceleration α and white 
 
 for each slow error e of d, a, s, with k = exp(-Δ/τ) and its standard deviation σ. Both corrections
 measure a sum of two entries: a fix z = p + d + w, and the leg odometry z = v + s + w. The equations
-are in `core/include/hcbf/kalman.hpp`, one tick of all of them in `estimation_tick.hpp`.
+are in `core/include/hcbf/kalman.hpp`, and a whole tick is in `estimation_tick.hpp`.
 """
 
 from collections.abc import Mapping
@@ -21,30 +21,26 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Record, Records, record_type, words_of
 from hcbf_gym.errors import InvalidInputError, finite_array, finite_float
-from hcbf_gym.estimation import sensors
-from hcbf_gym.estimation.sensors import Sensors
+from hcbf_gym.estimation.sensors import Sensors, make
 from hcbf_gym.locomotion.leg import LegGeometry
 from hcbf_gym.locomotion.state import STATE_SIZE
 from hcbf_gym.models.constants import GRAVITY
 
 AXIS = 5
-"""Entries of an axis's state [p, v, d, a, s]."""
+"""The number of entries of an axis's state [p, v, d, a, s]."""
 P, V, D, A, S = range(AXIS)
 
 SETTINGS = record_type("estimation_tick.Settings")
 
 SETTLING = 0.01
-"""Time of contact after which a foot's leg measures the trunk's velocity [s]."""
-
+"""The time of contact after which a foot's leg measures the trunk's velocity [s]."""
 SLIPPING = 0.005
 """Standard deviation of the slow slip of stance feet in the simulation itself [m/s]: some 0.6 mm in
 a stance of 0.13 s."""
-
 STANDING = 1.0
 """Time for which fixes were averaged at rest when an episode begins [s]."""
-
 BLOCK = 64
-"""Ticks whose noise is drawn at once."""
+"""The number of ticks whose noise is drawn at once."""
 
 
 class PlanarEstimate(NamedTuple):
@@ -66,10 +62,10 @@ class Estimator:
 
     Args:
         legs: lengths of the legs.
-        foot_radius: [m].
+        foot_radius: radius of the feet [m].
         source: a preset's name ("motion-capture", "lidar", "uwb"), a plain dict of `Sensors`'
             fields, or `Sensors`.
-        timestep: between two ticks [s].
+        timestep: time between two ticks [s].
 
     Raises:
         UnknownNameError: on an unknown preset.
@@ -83,24 +79,24 @@ class Estimator:
         source: str | Mapping[str, object] | Sensors = "lidar",
         timestep: float = 0.002,
     ) -> None:
-        self.sensors = sensors.make(source)
+        self.sensors = make(source)
         dt = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
         settings = _settings(self.sensors, legs, foot_radius, dt)
         self._compiled = _core.EstimationTick(words_of(settings))
         self._yaw_error = self.sensors.yaw
         self._rng: np.random.Generator | None = None
-        self._drawn = BLOCK
+        self._used = BLOCK  # rows of the drawn noise; all are used, so that a block is drawn
 
     def reset(self, truth: Array, rng: np.random.Generator) -> Array:
-        """Begin an episode; return the estimate (41,) as `tick` does.
+        """Begin an episode; return the estimate (41,), as `tick` does.
 
         Args:
             truth: (41,) the vector of the true `RobotState`, at rest.
-            rng: draws all errors of the episode.
+            rng: the generator of all errors of the episode.
         """
         truth = finite_array("truth", truth, (STATE_SIZE,))
         self._rng = rng
-        self._drawn = BLOCK
+        self._used = BLOCK
         estimate = np.empty(STATE_SIZE)
         self._compiled.start(truth, self._next_noise(), estimate)
         return estimate
@@ -142,36 +138,32 @@ class Estimator:
         return PlanarEstimate(mean[:2, :2].ravel(), covariance, self._compiled.yaw)
 
     def _next_noise(self) -> int:
-        """Return the row of the drawn noise that the next tick takes; draw a block if it is used.
-
-        Raises:
-            InvalidInputError: before the first reset.
-        """
+        """Return the row of the drawn noise for the next tick; draw a block if all are used."""
         if self._rng is None:
             raise InvalidInputError("estimator: got a tick, expected a reset first")
-        if self._drawn >= BLOCK:
+        if self._used >= BLOCK:
             self._compiled.use(self._rng.standard_normal((BLOCK, _core.NOISES)))
-            self._drawn = 0
-        self._drawn += 1
-        return self._drawn - 1
+            self._used = 0
+        self._used += 1
+        return self._used - 1
 
 
-def _settings(sensed: Sensors, legs: LegGeometry, foot_radius: float, dt: float) -> Records:
+def _settings(sensors: Sensors, legs: LegGeometry, foot_radius: float, dt: float) -> Records:
     """Return the record (1,) of `SETTINGS` for sensors that are read every dt [s]."""
     record = np.zeros(1, dtype=SETTINGS)
     record["legs"] = legs
-    _set_noise(record["errors"][0], record["model"][0], sensed, dt)
+    _set_noise(record["errors"][0], record["model"][0], sensors, dt)
     record["foot_radius"] = foot_radius
     record["settled"] = max(round(SETTLING / dt), 1)  # the next three count ticks
-    record["period"] = max(round(1.0 / (sensed.rate * dt)), 1)
-    record["delay"] = round(sensed.delay / dt)
-    fixes_at_rest = max(sensed.rate * STANDING, 1.0)
-    record["start"] = sensed.noise**2 / fixes_at_rest  # the variance of their mean
+    record["period"] = max(round(1.0 / (sensors.rate * dt)), 1)
+    record["delay"] = round(sensors.delay / dt)
+    fixes_at_rest = max(sensors.rate * STANDING, 1.0)
+    record["start"] = sensors.noise**2 / fixes_at_rest  # the variance of their mean
     return record
 
 
-def _set_noise(errors: Record, model: Record, sensed: Sensors, dt: float) -> None:
-    """Fill in what the simulated sensors err by, and what the filter assumes of it.
+def _set_noise(errors: Record, model: Record, sensors: Sensors, dt: float) -> None:
+    """Write the errors of the simulated sensors, and the noise that the Kalman filter assumes.
 
     The densities of white noise n [unit/√Hz] become σ = n √(1 / 2Δ), as a reading every Δ has the
     band up to 1/(2Δ). A joint's rate is the difference of two angles over Δ, hence √2 σ/Δ.
@@ -179,26 +171,30 @@ def _set_noise(errors: Record, model: Record, sensed: Sensors, dt: float) -> Non
     from scipy.special import ndtri  # imported here: robots without feet start faster
 
     half_band = 0.5 / dt  # [Hz]
-    times = np.array([sensed.drift_time, sensed.orientation_time, sensed.slip_time])
+    times = np.array([sensors.drift_time, sensors.orientation_time, sensors.slip_time])
     keep_drift, keep_rotation, keep_slip = np.exp(-dt / times).tolist()
 
     errors["timestep"] = dt
-    errors["fix"] = sensed.noise
-    errors["drift"] = sensed.drift
+    errors["fix"] = sensors.noise
+    errors["drift"] = sensors.drift
     errors["keep_drift"] = keep_drift
-    errors["rotation"] = sensed.tilt, sensed.tilt, sensed.yaw
+    errors["rotation"] = sensors.tilt, sensors.tilt, sensors.yaw
     errors["keep_rotation"] = keep_rotation
-    errors["slip"] = sensed.slip
+    errors["slip"] = sensors.slip
     errors["keep_slip"] = keep_slip
-    errors["gyroscope"] = sensed.gyroscope * np.sqrt(half_band)
-    errors["accelerometer"] = sensed.accelerometer * np.sqrt(half_band)
-    errors["angle"] = sensed.encoder
-    errors["rate"] = np.sqrt(2.0) * sensed.encoder / dt
-    errors["contact"] = ndtri(1.0 - sensed.contact)  # a normal number is above it so often
+    errors["gyroscope"] = sensors.gyroscope * np.sqrt(half_band)
+    errors["accelerometer"] = sensors.accelerometer * np.sqrt(half_band)
+    errors["angle"] = sensors.encoder
+    errors["rate"] = np.sqrt(2.0) * sensors.encoder / dt
+    errors["contact"] = ndtri(
+        1.0 - sensors.contact
+    )  # the quantile that a normal number exceeds with this probability
 
     model["timestep"] = dt
-    model["fix"] = sensed.noise**2
+    model["fix"] = sensors.noise**2
     model["keep"] = 1.0, 1.0, keep_drift, keep_rotation, keep_slip
-    from_tilt = (GRAVITY * sensed.tilt) ** 2  # a tilt leaves a share of gravity
-    from_slip = sensed.slip**2 + SLIPPING**2
-    model["variance"] = 0.0, 0.0, sensed.drift**2, from_tilt, from_slip
+    from_tilt = (
+        GRAVITY * sensors.tilt
+    ) ** 2  # a tilt error leaves a part of gravity in the acceleration
+    from_slip = sensors.slip**2 + SLIPPING**2
+    model["variance"] = 0.0, 0.0, sensors.drift**2, from_tilt, from_slip

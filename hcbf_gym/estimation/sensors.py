@@ -1,4 +1,4 @@
-"""Which sensors the robot has, and how well each of them measures."""
+"""The sensors of a robot, with the errors of each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,11 +10,9 @@ from hcbf_gym.records import build, check_mapping
 
 DEGREE = float(np.pi / 180.0)
 MAX_DELAY = 1.0
-"""The oldest fix [s] that the estimator can use."""
-
+"""The age of the oldest fix that the estimator can use [s]."""
 LEAST = 1e-6
-"""Of a number that must be positive, so that nothing divided by it leaves the finite numbers."""
-
+"""The least positive number; a quotient by it stays finite."""
 RANGES = {
     "rate": (LEAST, 1e4),  # [Hz]
     "noise": (LEAST, 100.0),  # [m]
@@ -31,7 +29,7 @@ RANGES = {
     "slip_time": (LEAST, 1e6),  # [s]
     "contact": (0.0, 0.5),
 }
-"""Of each number: more is a slip of the pen."""
+"""Field → least and greatest number; a greater one is taken for a mistake in its unit."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +41,17 @@ class Sensors:
     the source of every default.
 
     Args:
-        rate: of the position fixes [Hz].
-        noise: of a fix along each axis [m].
-        delay: from the instant that a fix shows to its arrival [s].
+        rate: rate of the position fixes [Hz].
+        noise: standard deviation of a fix along each axis [m].
+        delay: time from the measurement of a fix to its arrival [s].
         drift: standard deviation of the fixes' slow error along each axis [m].
         drift_time: τ of the drift [s].
         yaw: standard deviation of the heading's slow error [rad].
-        tilt: the same of roll and pitch [rad].
-        orientation_time: τ of both [s].
+        tilt: standard deviation of the slow error of roll and pitch [rad].
+        orientation_time: τ of yaw and tilt [s].
         gyroscope: noise density [rad/s/√Hz].
         accelerometer: noise density [m/s²/√Hz].
-        encoder: noise of a joint's angle [rad]; its rate is taken from two readings.
+        encoder: standard deviation of a joint's angle [rad]; its rate follows from two readings.
         slip: standard deviation of the slow error of leg odometry along each axis [m/s].
         slip_time: τ of the slip [s].
         contact: probability that a foot's contact is reported wrongly, at every reading.
@@ -95,7 +93,7 @@ PRESETS: dict[str, Sensors] = {
     "lidar": Sensors(drift=0.01),
     "uwb": Sensors(rate=10.0, noise=0.05, delay=0.05, drift=0.08),
 }
-"""Three usual localizations; "lidar" is matched against a map."""
+"""Three usual sources of position fixes; "lidar" matches scans against a map."""
 
 
 def make(source: str | Mapping[str, object] | Sensors) -> Sensors:

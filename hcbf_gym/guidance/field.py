@@ -1,14 +1,16 @@
-r"""Fields of shortest paths: what a march from the goal leaves in a grid, and the row along them.
+r"""Fields of shortest paths on a grid, and the guidance row that follows them.
 
-A field T solves the eikonal equation ``‖∇T‖ = c``, ``T(goal) = 0``, c the cost of a metre: 1 in the
-open, a little more close to an edge, and far more in a region, so that the path leads out of it. It
-is marched in stages: first the open cells and those of ranks that may be crossed at their price;
-then, of all that is left, the lowest rank, and so on up to rank 1. A stage begins at a toll above
-all that is settled. So no closed rank is on a path where one without it exists, however long that
-is, and from within a closed region the field leads out.
+A field T solves the eikonal equation ``‖∇T‖ = c``, ``T(goal) = 0``, with c the cost of a metre. The
+cost is 1 in the open, a little more close to an edge, and far more in a region, so that the path
+leads out of it. Fast marching computes T in stages. The first stage settles the open cells and
+those of ranks that may be crossed at their price. Each further stage settles the lowest rank that
+is left, up to rank 1, and begins at a toll above all settled values. So a path crosses a closed
+rank only where no path without it exists, however long, and from within a closed region the field
+leads out.
 
-A field is stored flat, row by row. Its geometry (7,) is x and y of the first cell's centre, side of
-a cell [m], ny, nx, and cos and sin of the angle by which the grid is turned.
+A field is stored flat, row by row. Its geometry is seven numbers: x and y of the first cell's
+centre [m], the side of a cell [m], the counts of rows ny and columns nx, and cos and sin of the
+angle by which the grid is turned.
 
 Source: J. A. Sethian, A fast marching level set method for monotonically advancing fronts,
 PNAS 93, 1996; L. Yatziv, A. Bartesaghi, G. Sapiro, O(N) implementation of the fast marching
@@ -24,16 +26,17 @@ from hcbf_gym.arrays import Array, Field, Ranks
 from hcbf_gym.models.grid import Grid
 
 Number = TypeVar("Number", float, Array)
-Kept = TypeVar("Kept", Field, Ranks)
+CellValues = TypeVar("CellValues", Field, Ranks)
 
 CELL: float = _core.FIELD_CELL
-"""Side of a cell [m]; larger in scenes of more than `_core.FIELD_MAX_CELLS`: a field takes 5 ms."""
+"""Side of a cell [m]. Scenes of more than `_core.FIELD_MAX_CELLS` have larger cells, because the
+core then computes a field in 5 ms."""
 FINE: float = _core.FIELD_FINE
-"""The same where a body has to pass gaps that are little wider than itself [m]."""
+"""Side of a cell where a body has to pass gaps that are little wider than itself [m]."""
 
 
 class Pull(NamedTuple):
-    r"""How the guidance row pulls: of the last rank of all, so that no safety row pays for it.
+    r"""The guidance row, which has the last rank of all, so that no safety row is relaxed for it.
 
     With d the unit vector towards the point that is `look_ahead` further down the field, and r the
     distance from the goal, the row is
@@ -58,10 +61,10 @@ class Pull(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Cells with a border around them that no path enters.
+    """The cells on which a field is computed, with a border around them that no path enters.
 
     Attributes:
-        cost: (ny + 2, nx + 2) what a step through a cell costs, infinite on the border.
+        cost: (ny + 2, nx + 2) the cost of a step through a cell [m], infinite on the border.
         rank: (ny + 2, nx + 2) the highest rank among the regions that a cell is in, 0 in none.
     """
 
@@ -70,7 +73,7 @@ class Ground(NamedTuple):
 
 
 def open_ground(ny: int, nx: int, side: float) -> Ground:
-    """Return ground without regions, of cells with that side [m]."""
+    """Return the ground of ny rows and nx columns without regions; `side` is a cell's [m]."""
     cost = np.full((ny + 2, nx + 2), np.inf, dtype=np.float32)
     cost[1:-1, 1:-1] = side
     return Ground(cost, np.zeros(cost.shape, dtype=np.int8))
@@ -82,14 +85,14 @@ def geometry_of(grid: Grid) -> Array:
     return np.array([*first, grid.resolution, *grid.shape, *grid.axes[:, 0]])
 
 
-def grid(values: Kept, geometry: Array) -> Kept:
-    """Return the (ny, nx) view of one scene's flat values."""
+def grid(values: CellValues, geometry: Array) -> CellValues:
+    """Return one scene's flat values, one for each cell, as a view (ny, nx)."""
     ny, nx = int(geometry[3]), int(geometry[4])
     return values[: ny * nx].reshape(ny, nx)
 
 
 def to_world(row: Number, column: Number, geometry: Array) -> tuple[Number, Number]:
-    """Return the point of a row and a column, or those of many; whole numbers are centres."""
+    """Return x and y [m] of a row and a column; whole numbers are the centres of cells."""
     x, y, side, _, _, cos, sin = geometry.tolist()
     along, up = column * side, row * side
     return x + cos * along - sin * up, y + sin * along + cos * up

@@ -1,7 +1,6 @@
 """Guidance by geodesic fields, stored for N robots in N scenes."""
 
 from collections.abc import Sequence
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,18 +11,14 @@ from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float, reals
+from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, reals
 from hcbf_gym.guidance import field as fields
-from hcbf_gym.guidance import validation
-from hcbf_gym.guidance.field import Ground, Pull, open_ground
+from hcbf_gym.guidance import scene_ground, validation
+from hcbf_gym.guidance.field import Ground, Pull
 from hcbf_gym.guidance.map_ground import MapGround
-from hcbf_gym.models.constants import FARTHEST
-
-LEAST_CLEARANCE = 0.01
-"""What strict edges reserve at least: where two of them touch no path leads between [m]."""
 
 _Inputs = tuple[MapGround | None, bytes]
-"""What a field follows from: the ground of the scene's map, and all the numbers of the scene."""
+"""All that determines a field: the ground of the scene's map, and the bytes of its numbers."""
 
 
 class Geodesic:
@@ -47,22 +42,22 @@ class Geodesic:
         field: (N, capacity) the fields T, flat; see `guidance.field`.
         through: (N, capacity) through which rank the goal can be reached from each cell.
         zone: (N, capacity) the rank of the map's zone that a cell is in, 0 in none or rank 1.
-        geometry: (N, 7) of the grids, see `guidance.field`.
-        goal: (N, 2) [m].
+        geometry: (N, 7) the geometry of the grids, see `guidance.field`.
+        goal: (N, 2) the goals [m].
         lost: scene → why no path leads to its goal; scenes that are not in it have one.
 
     Examples:
         >>> from hcbf_gym import guidance, scenarios
         >>> scene = scenarios.make("random")
-        >>> way = guidance.Geodesic()
-        >>> way.reset(scene.barriers, scene.goal, start=scene.start)
-        >>> a, b = way.rows(np.zeros((1, 4)), np.zeros(1))
-        >>> a.shape, way.reachable(np.zeros((1, 4))).tolist()
+        >>> guide = guidance.Geodesic()
+        >>> guide.reset(scene.barriers, scene.goal, start=scene.start)
+        >>> a, b = guide.rows(np.zeros((1, 4)), np.zeros(1))
+        >>> a.shape, guide.reachable(np.zeros((1, 4))).tolist()
         ((1, 2), [3])
     """
 
-    period = 0.5
-    pull = Pull()
+    period = 0.5  # the time between two computations of a field whose regions move [s]
+    pull = Pull()  # the parameters of the row
 
     def __init__(self, count: int = 1, *, through: int = 0, cell: float = fields.CELL):
         count = errors.count("count", count)
@@ -73,13 +68,13 @@ class Geodesic:
         self.through = np.zeros((count, 0), dtype=np.int8)
         self.zone = np.zeros((count, 0), dtype=np.int8)
         self.lost: dict[int, str] = {}
-        self._aim = np.full((count, 2), np.nan)  # the goals that were looked at last [m]
-        self._scenes: list[BarrierSet | None] = [None] * count  # with which fields are computed
-        self._grounds: list[MapGround | None] = [None] * count
-        self._solved: list[_Inputs | None] = [None] * count
-        self._held: dict[tuple[int, int], Mapped] = {}
-        self._next = np.full(count, np.inf)
-        self._moving = False
+        self._latest_goal = np.full((count, 2), np.nan)  # for which a field was last sought [m]
+        self._scenes: list[BarrierSet | None] = [None] * count  # None before the first reset
+        self._map_grounds: list[MapGround | None] = [None] * count
+        self._solved_inputs: list[_Inputs | None] = [None] * count
+        self._maps: dict[tuple[int, int], Mapped] = {}  # of the latest scenes, see `BarrierSet`
+        self._due = np.full(count, np.inf)  # when a field is computed again; inf for never [s]
+        self._any_due = False
         self._clearance: ArrayLike = 0.0
 
     def reset(
@@ -93,9 +88,7 @@ class Geodesic:
         mask: Mask | None = None,
         t: ArrayLike = 0.0,
     ) -> None:
-        """Compute the fields of scenes that begin.
-
-        Args: as `begin` takes them.
+        """Compute the fields of scenes that begin; the arguments are those of `begin`.
 
         Raises:
             InvalidInputError: as `begin` does; or if no path leads from a start to its goal.
@@ -120,18 +113,18 @@ class Geodesic:
         """Compute the fields of scenes that begin, or whose goals have moved.
 
         No path leads to a goal that is not finite, outside the extent or the map, or inside a
-        strict region, nor from a start outside of them; on a map, nor where a closed region is on
+        strict region, nor from a start outside of them, nor, on a map, where a closed region is on
         every path. `lost` then states why.
 
         Args:
-            barriers: of N scenes; a sequence of barriers where N is 1.
+            barriers: those of N scenes; a sequence of barriers where N is 1.
             goal: (2,) or (N, 2) [m].
-            extent: ((x_min, y_min), (x_max, y_max)) [m] of all scenes, or (N, 2, 2); None for what
-                start, goal and regions take up. Where a scene has a map, the map's grid counts.
-            clearance: what the edges reserve [m]: margin, body radius; a number for strict edges,
-                or (N, m) for each.
+            extent: ((x_min, y_min), (x_max, y_max)) [m] of all scenes, or (N, 2, 2); None for the
+                box around start, goal and regions. Where a scene has a map, the map's grid counts.
+            clearance: the distance that paths keep from edges [m], such as margin and body radius:
+                a number for strict edges, or (N, m) for each edge.
             start: (2,) or (N, 2) [m], which the grid has to cover.
-            mask: (N,) of which scenes; all unless given.
+            mask: (N,) the scenes that begin; all unless given.
             t: () or (N,) the present [s].
 
         Raises:
@@ -139,53 +132,35 @@ class Geodesic:
                 malformed; the fields stay as they were.
         """
         count = len(self.geometry)
-        scenes = _read(barriers, count)
+        scenes = scene_ground.read_scenes(barriers, count)
         chosen = np.ones(count, dtype=np.bool_) if mask is None else mask
         now = np.array(np.broadcast_to(t, count), dtype=np.float64)
         goals = validation.points("goal", goal, count)
         starts = validation.points("start", start, count)
         known = chosen & np.isfinite(goals + starts).all(axis=1)
-        grounds = self._grounds_of(known, scenes, clearance)
-        geometry = self._geometry(known, scenes, (goals, starts, now), extent, grounds)
+        map_grounds = self._map_grounds_of(known, scenes, clearance)
+        corners = scene_ground.corners_of(known, scenes, starts, goals, now, extent)
+        geometry = self._geometry_of(known, corners, map_grounds)
         reserved = reals("clearance", clearance)
         if reserved.ndim == 0:
             finite_float("clearance", reserved.item(), minimum=0.0)
         else:
             finite_array("clearance", reserved, scenes.kind.shape)
-        refused = validation.refusals(chosen, scenes, grounds, (goals, starts, geometry), now)
+        refused = validation.refusals(chosen, scenes, map_grounds, goals, starts, geometry, now)
 
-        self._clearance, self._held = clearance, dict(scenes.atlas.held)
-        self._aim[chosen], self._next[chosen] = goals[chosen], now[chosen] + self.period
+        # nothing has changed up to here: an error leaves all fields as they were
+        self._clearance, self._maps = clearance, dict(scenes.atlas.held)
+        self._latest_goal[chosen], self._due[chosen] = goals[chosen], now[chosen] + self.period
         for n in np.flatnonzero(chosen).tolist():
             self.lost.pop(n, None)
         self.lost |= refused
         fresh = chosen.copy()
         fresh[list(refused)] = False
         for n in np.flatnonzero(fresh).tolist():
-            self._scenes[n], self._grounds[n] = scenes, grounds[n]
+            self._scenes[n], self._map_grounds[n] = scenes, map_grounds[n]
         self.goal[fresh], self.geometry[fresh] = goals[fresh], geometry[fresh]
         self._make_room(int((geometry[fresh, 3] * geometry[fresh, 4]).max(initial=0.0)))
         self._solve_fresh(scenes, fresh, starts, now)
-
-    def _make_room(self, cells: int) -> None:
-        """Widen the fields of all scenes to a number of cells, if they have fewer."""
-        missing = cells - self.field.shape[1]
-        for name in ("field", "through", "zone") if missing > 0 else ():
-            setattr(self, name, np.pad(getattr(self, name), ((0, 0), (0, missing))))
-
-    def _solve_fresh(self, scenes: BarrierSet, fresh: Mask, start: Array, now: Array) -> None:
-        """Compute the fields of scenes that begin, and note where no path leads on their maps."""
-        velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
-        planar = scenes.kind != layout.SPEED_LIMIT
-        moves = (planar[..., None] & (velocity != 0.0)).any(axis=(1, 2))
-        self._next[fresh & ~moves] = np.inf
-        later = now + np.where(moves, 0.5 * self.period, 0.0)
-        self._solve(fresh, later)
-        for n in np.flatnonzero(fresh).tolist():
-            why = self._blocked(n, start[n], float(later[n]))
-            if why:
-                self.lost[n], self._next[n] = why, now[n] + self.period
-        self._moving = bool((self._next < np.inf).any())
 
     def pursue(
         self,
@@ -201,7 +176,7 @@ class Geodesic:
         A scene without a path to its goal is tried again after every `period`.
 
         Args:
-            scenes: of all N, as they are now.
+            scenes: the barriers of all N scenes, as they are now.
             goal: (2,) or (N, 2), where the goals are now [m].
             extent: as `begin` takes it.
             start: (N, 2) where the robots are [m]; NaN where that is not known.
@@ -213,61 +188,58 @@ class Geodesic:
         """
         goals = validation.points("goal", goal, len(self.goal))
         cell = np.maximum(self.geometry[:, 2], self.cell)
-        near = np.abs(goals - self._aim).max(axis=1) <= cell
-        again = anew | ~near
-        for n in self.lost:
-            again[n] |= bool(t[n] >= self._next[n])
+        within_cell = np.abs(goals - self._latest_goal).max(axis=1) <= cell
+        is_lost = np.zeros(len(self.goal), dtype=np.bool_)
+        is_lost[list(self.lost)] = True
+        retarget = within_cell & ~is_lost  # the row aims at the exact goal, the field is retained
+        self.goal[retarget] = goals[retarget]
+        again = anew | ~within_cell | (is_lost & (t >= self._due))
         again &= np.isfinite(start).all(axis=1)
-        led = near.copy()
-        led[list(self.lost)] = False
-        self.goal[led] = goals[led]
         if again.any():
             self.begin(scenes, goals, extent, self._clearance, start=start, mask=again, t=t)
 
     def lose(self, why: str) -> None:
         """Note why no path is known to any goal."""
         self.lost = dict.fromkeys(range(len(self.goal)), why)
-        self._aim[:] = np.nan
+        self._latest_goal[:] = np.nan
 
     def update(self, t: Array) -> None:
         """Compute anew, at the times t (N,), the fields that are a period old and move."""
-        if not self._moving:  # a step has no microsecond to spare for what never comes
+        if not self._any_due:  # saves a step some microseconds where no region moves
             return
-        due = t >= self._next
+        due = t >= self._due
         due[list(self.lost)] = False
         if due.any():
-            self._next[due] = t[due] + self.period
+            self._due[due] = t[due] + self.period
             self._solve(due, t + 0.5 * self.period)
 
     def follow(self, scenes: BarrierSet, t: Array) -> None:
         """Compute anew, at the times t (N,), the fields of the scenes whose maps have changed.
 
         Args:
-            scenes: of all N, their maps on the grids that they had.
+            scenes: the barriers of all N scenes, their maps on the grids that they had.
             t: (N,) [s].
 
         Raises:
             InvalidInputError: if a map has another grid; the fields stay as they were.
         """
-        held = scenes.atlas.held
-        if held == self._held:
+        if scenes.atlas.held == self._maps:
             return
-        self._held = dict(held)
-        grounds = list(self._grounds)
-        changed = np.zeros(len(self.goal), dtype=np.bool_)
-        followed: dict[tuple[int, ...], MapGround] = {}
-        for n, regions in _regions_of(scenes).items():
-            ground = grounds[n]
-            if ground is None or ground.regions == regions:
+        self._maps = dict(scenes.atlas.held)
+        repainted: dict[tuple[MapGround, tuple[MappedRegion, ...]], MapGround] = {}
+        changed: dict[int, MapGround] = {}
+        for n, regions in scene_ground.mapped_regions(scenes).items():
+            before = self._map_grounds[n]
+            if before is None or before.regions == regions:
                 continue
-            key = id(ground), *map(id, regions)
-            if key not in followed:
-                followed[key] = ground.with_regions(regions)
-            grounds[n] = followed[key]
-            changed[n] = True
-        for n in np.flatnonzero(changed).tolist():
-            self._scenes[n], self._grounds[n] = scenes, grounds[n]
-        self._solve(changed, t + np.where(np.isfinite(self._next), 0.5 * self.period, 0.0))
+            if (before, regions) not in repainted:
+                repainted[before, regions] = before.with_regions(regions)
+            changed[n] = repainted[before, regions]
+        for n, map_ground in changed.items():
+            self._scenes[n], self._map_grounds[n] = scenes, map_ground
+        mask = np.zeros(len(self.goal), dtype=np.bool_)
+        mask[list(changed)] = True
+        self._solve(mask, t + np.where(np.isfinite(self._due), 0.5 * self.period, 0.0))
 
     def rows(self, x: Array, t: Array) -> tuple[Array, Array]:
         """Return a (N, 2) and b (N,) of the rows ``a·u ≥ b`` at N states x (N, 4) and times t (N,).
@@ -280,9 +252,9 @@ class Geodesic:
         if None in self._scenes:
             raise InvalidInputError("guidance: there is no scene yet, expected reset() first")
         self.update(t)
-        out = np.zeros((len(x), 3))
-        _core.guidance_rows(self.field, self.geometry, self.goal, x, self.pull, out)
-        return out[:, :2], out[:, 2]
+        rows = np.zeros((len(x), 3))
+        _core.guidance_rows(self.field, self.geometry, self.goal, x, self.pull, rows)
+        return rows[:, :2], rows[:, 2]
 
     def reachable(self, x: Array) -> Integers:
         """Return (N,) through which rank the goal can be reached from the states x (N, 4).
@@ -294,141 +266,99 @@ class Geodesic:
         _core.guidance_ranks(self.through, self.zone, self.geometry, x, reachable, zone)
         return reachable.astype(np.int64)
 
-    def _grounds_of(
+    def _map_grounds_of(
         self, mask: Mask, scenes: BarrierSet, clearance: ArrayLike
     ) -> list[MapGround | None]:
         """Return the grounds of N scenes' maps, new where masked; scenes of one map share it."""
-        grounds = [None if new else g for new, g in zip(mask, self._grounds, strict=True)]
+        grounds = list(self._map_grounds)
+        for n in np.flatnonzero(mask).tolist():
+            grounds[n] = None
         if not scenes.atlas:
             return grounds
-        kept = max(finite_float("clearance", clearance, minimum=0.0), LEAST_CLEARANCE)
-        known = {g.regions: g for g in self._grounds if g is not None and g.clearance == kept}
-        for n, regions in _regions_of(scenes).items():
+        given = finite_float("clearance", clearance, minimum=0.0)
+        reserved = max(given, scene_ground.LEAST_CLEARANCE)
+        old = [ground for ground in self._map_grounds if ground is not None]
+        painted = {ground.regions: ground for ground in old if ground.clearance == reserved}
+        for n, regions in scene_ground.mapped_regions(scenes).items():
             if mask[n]:
-                if regions not in known:
-                    known[regions] = MapGround(regions, kept, self._opened)
-                grounds[n] = known[regions]
+                if regions not in painted:
+                    painted[regions] = MapGround(regions, reserved, self._opened)
+                grounds[n] = painted[regions]
         return grounds
 
-    def _geometry(
-        self,
-        mask: Mask,
-        scenes: BarrierSet,
-        world: tuple[Array, Array, Array],
-        extent: ArrayLike | None,
-        grounds: Sequence[MapGround | None],
+    def _geometry_of(
+        self, mask: Mask, corners: Array, map_grounds: Sequence[MapGround | None]
     ) -> Array:
-        """Return (N, 7) the grids, new where masked; the world is goals, starts and times."""
-        goal, start, time = world
-        count = len(goal)
-        corners = np.empty((count, 2, 2))
-        if extent is None:
-            for n in np.flatnonzero(mask).tolist():
-                _core.scene_extent(
-                    scenes.kind[n], scenes.parameters[n], scenes.priority[n], start[n], goal[n],
-                    time[n], corners[n],
-                )  # fmt: skip
-        else:
-            shape = (count, 2, 2) if as_array("extent", extent).ndim == 3 else (2, 2)
-            corners[:] = finite_array("extent", extent, shape, largest=FARTHEST)
-            if (corners[:, 0] >= corners[:, 1]).any():
-                raise InvalidInputError(
-                    f"extent: got {corners.tolist()}, expected ((x_min, y_min), (x_max, y_max))"
-                )
+        """Return the grids (N, 7), new where masked: the map's, or over the corners (N, 2, 2)."""
         geometry = self.geometry.copy()
         for n in np.flatnonzero(mask).tolist():
-            ground = grounds[n]
-            if ground is None:
+            map_ground = map_grounds[n]
+            if map_ground is None:
                 _core.geometry_over(corners[n], self.cell, geometry[n])
             else:
-                geometry[n] = ground.geometry
+                geometry[n] = map_ground.geometry
         return geometry
 
-    def _solve(self, mask: Mask, t: Array) -> None:
-        """Compute the masked scenes' fields at the times t (N,), none of them twice."""
-        first: dict[_Inputs, int] = {}
-        for n in np.flatnonzero(mask).tolist():
-            base, parts = self._grounds[n], self._parts(n)
-            numbers = *parts, t[n], self.goal[n], self.geometry[n]
-            inputs = base, b"".join(part.tobytes() for part in numbers)
-            self._aim[n] = self.goal[n]
-            if inputs == self._solved[n]:
-                continue
-            self._solved[n] = inputs
-            of = first.setdefault(inputs, n)
-            if of != n:
-                for array in (self.field, self.through, self.zone):
-                    array[n] = array[of]
-                continue
-            where = self.geometry[n], self.goal[n], self._opened
-            ground = self._ground(n, float(t[n]))
-            _core.solve_field(*ground, *where, self.field[n], self.through[n])
-            self.zone[n] = 0
-            if base is not None:
-                rank = base.ground.rank[1:-1, 1:-1]
-                fields.grid(self.zone[n], base.geometry)[:] = np.where(rank > 1, rank, 0)
+    def _make_room(self, cells: int) -> None:
+        """Widen the fields of all scenes to a number of cells, if they have fewer."""
+        missing = cells - self.field.shape[1]
+        if missing > 0:
+            for name in ("field", "through", "zone"):
+                setattr(self, name, np.pad(getattr(self, name), ((0, 0), (0, missing))))
 
-    def _parts(self, n: int) -> tuple[Integers, Array, Integers, Array]:
-        """Return kind, parameters, priority and clearance of a scene's edges."""
+    def _solve_fresh(self, scenes: BarrierSet, fresh: Mask, starts: Array, now: Array) -> None:
+        """Compute the fields of scenes that begin, and note where no path leads on their maps."""
+        velocity = scenes.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
+        is_region = scenes.kind != layout.SPEED_LIMIT
+        moves = (is_region[..., None] & (velocity != 0.0)).any(axis=(1, 2))
+        self._due[fresh & ~moves] = np.inf
+        solved_for = now + np.where(moves, 0.5 * self.period, 0.0)
+        self._solve(fresh, solved_for)
+        for n in np.flatnonzero(fresh).tolist():
+            map_ground = self._map_grounds[n]
+            if map_ground is None:
+                continue
+            rank = self._ground(n, float(solved_for[n])).rank
+            field = fields.grid(self.field[n], map_ground.geometry)
+            why = validation.blocked(map_ground, rank, field, starts[n], self.goal[n], self._opened)
+            if why:
+                self.lost[n], self._due[n] = why, now[n] + self.period
+        self._any_due = bool((self._due < np.inf).any())
+
+    def _solve(self, mask: Mask, t: Array) -> None:
+        """Compute the masked scenes' fields at the times t (N,); equal scenes share one."""
+        first_scene: dict[_Inputs, int] = {}
+        for n in np.flatnonzero(mask).tolist():
+            numbers = *self._edges(n), t[n], self.goal[n], self.geometry[n]
+            inputs = self._map_grounds[n], b"".join(array.tobytes() for array in numbers)
+            self._latest_goal[n] = self.goal[n]
+            if inputs == self._solved_inputs[n]:
+                continue
+            self._solved_inputs[n] = inputs
+            equal_scene = first_scene.setdefault(inputs, n)
+            if equal_scene == n:
+                self._march(n, float(t[n]))
+            else:
+                for array in (self.field, self.through, self.zone):
+                    array[n] = array[equal_scene]
+
+    def _march(self, n: int, t: float) -> None:
+        """Compute the field of scene n at time t [s], and the zones of its map."""
+        grid, goal, map_ground = self.geometry[n], self.goal[n], self._map_grounds[n]
+        ground = self._ground(n, t)
+        _core.solve_field(*ground, grid, goal, self._opened, self.field[n], self.through[n])
+        self.zone[n] = 0
+        if map_ground is not None:
+            rank = map_ground.ground.rank[1:-1, 1:-1]
+            fields.grid(self.zone[n], grid)[:] = np.where(rank > 1, rank, 0)
+
+    def _edges(self, n: int) -> scene_ground.Edges:
+        """Return the edges of scene n."""
         scenes = self._scenes[n]
         assert scenes is not None
-        keeps, given = scenes.keeps_margin[n], np.asarray(self._clearance)
-        kept = np.maximum(given[n] if given.ndim else keeps * given, keeps * LEAST_CLEARANCE)
-        return scenes.kind[n], scenes.parameters[n], scenes.priority[n], kept
+        return scene_ground.edges_of(scenes, n, self._clearance)
 
     def _ground(self, n: int, t: float) -> Ground:
-        """Return what a scene's field walks on at time t: the map's ground, with its barriers."""
-        base, parts, geometry = self._grounds[n], self._parts(n), self.geometry[n]
-        if base is None:
-            ground = open_ground(int(geometry[3]), int(geometry[4]), geometry[2])
-        elif not (parts[0] < layout.SPEED_LIMIT).any():
-            return base.ground
-        else:
-            ground = Ground(base.ground.cost.copy(), base.ground.rank.copy())
-        _core.paint_barriers(*ground, geometry, *parts, t, self._opened)
-        return ground
-
-    def _blocked(self, n: int, start: Array, t: float) -> str:
-        """Return why no path leads from the start to the goal on a map; "" where one does."""
-        base = self._grounds[n]
-        if base is None:
-            return ""
-        field = fields.grid(self.field[n], base.geometry)
-        at = _core.field_cell_of(start[0], start[1], base.geometry)
-        rank, j, i = _core.field_crossing(self._ground(n, t).rank, field, *at, self._opened)
-        if rank == 0:
-            return ""
-        x, y = fields.to_world(j, i, base.geometry)
-        what = "the body does not fit through there" if rank == 1 else "it may not be crossed"
-        remedy = f', or guidance={{"kind": "geodesic", "through": {rank}}}' if rank > 1 else ""
-        return (
-            f"goal: got {self.goal[n].tolist()}: every path from {start.tolist()} leads through "
-            f"{base.name_at(j, i, rank)}, rank {rank}, at ({x:.2f}, {y:.2f}), and {what}; "
-            f"expected a goal that can be reached{remedy}"
-        )
-
-
-def _read(barriers: BarrierSet | Sequence[Barrier | Shapes | Several], count: int) -> BarrierSet:
-    """Return N scenes of built-in barriers.
-
-    Raises:
-        InvalidInputError: if there are others, or another number of scenes.
-    """
-    scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
-    if len(scenes.kind) != count:
-        raise InvalidInputError(f"barriers: got {len(scenes.kind)} scenes, expected {count}")
-    if (scenes.kind == layout.CUSTOM).any():
-        names = sorted({barrier.name for barrier in scenes.own.values()})
-        raise InvalidInputError(
-            f"guidance: got the barriers {names} of a user's own kind, expected built-in shapes"
-        )
-    return scenes
-
-
-def _regions_of(scenes: BarrierSet) -> dict[int, tuple[MappedRegion, ...]]:
-    """Return scene → the classes of its map that are regions, for scenes that have one."""
-    found: dict[int, list[MappedRegion]] = {}
-    for (n, _), one in sorted(scenes.atlas.held.items(), key=itemgetter(0)):
-        if isinstance(one, MappedRegion):
-            found.setdefault(n, []).append(one)
-    return {n: tuple(regions) for n, regions in found.items()}
+        """Return the ground of scene n at time t [s]."""
+        grid, map_ground = self.geometry[n], self._map_grounds[n]
+        return scene_ground.ground_at(map_ground, self._edges(n), grid, t, self._opened)

@@ -1,14 +1,14 @@
-r"""Guidance without a goal: a row along the edge which stops the policy.
+r"""Guidance without a goal: a row along the edge that stops the policy.
 
-Where u* presses against a region within 0.5 m, the row requests speed along the edge,
+Where u* points into a region within 0.5 m, the row requests speed along the region's edge,
 
 .. math::
     tᵀu ≥ −k\,(tᵀv − β), \qquad t = σ\,(n_y, −n_x),
 
-n the unit gradient of the nearest such barrier and σ = ±1 the side. It is the side of u* when the
-edge is met, retained while something stops the policy, and flipped when the robot is at rest for
-`STUCK` all the same. So single convex regions are passed; a cluster or a trap may not be: that
-takes a field.
+where n is the unit gradient of the nearest such barrier and σ = ±1 the side. The side is that of u*
+when the robot meets the edge. It is retained while a region stops the policy, and flipped when the
+robot is at rest for `STUCK`. So the robot passes single convex regions. It may not pass a cluster
+or a trap, for which there are fields.
 
 Source: the circulation of Gonçalves, Krishnamurthy, Tzes and Khorrami, Control barrier functions
 with circulation inequalities, IEEE TCST 2024, with a latched side.
@@ -26,11 +26,11 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.field import Pull
 
 STUCK: float = _core.CIRCULATION_STUCK
-"""A robot at rest for so long flips the side [s]."""
+"""The time at rest after which the side is flipped [s]."""
 
 
 class Local:
-    """Circulation around what stops the policies of N robots in N scenes.
+    """Circulation around the regions that stop the policies of N robots in N scenes.
 
     Args:
         count: N.
@@ -39,8 +39,8 @@ class Local:
         InvalidInputError: if the count is below 1.
 
     Attributes:
-        memory: (N, 2) the side, 0 if free, and for how long the robot has been at rest [s].
-        barriers: of the N scenes as they are now; None before the first reset.
+        memory: (N, 2) the side σ, 0 if nothing stops the policy, and the time at rest [s].
+        barriers: the barriers of the N scenes as they are now; None before the first reset.
     """
 
     def __init__(self, count: int = 1):
@@ -51,11 +51,11 @@ class Local:
         """Forget the sides in scenes that begin.
 
         Args:
-            barriers: of N scenes; a sequence of barriers where N is 1.
+            barriers: those of N scenes; a sequence of barriers where N is 1.
             mask: (N,) the scenes that begin; all unless given.
 
         Raises:
-            InvalidInputError: if the number of scenes is another.
+            InvalidInputError: if there are not N scenes.
         """
         scenes = barriers if isinstance(barriers, BarrierSet) else BarrierSet([barriers])
         if len(scenes.kind) != len(self.memory):
@@ -66,7 +66,7 @@ class Local:
         self.memory[slice(None) if mask is None else mask] = 0.0
 
     def write_rows(self, x: Array, t: Array, u_nominal: Array, out: Array) -> None:
-        """Write (N, 3) a_x, a_y and b at N states x (N, 4), times t (N,) and u* (N, 2).
+        """Write a_x, a_y, b of the rows at states x (N, 4), times t (N,), u* (N, 2) to out (N, 3).
 
         Raises:
             InvalidInputError: before the first reset.

@@ -1,5 +1,7 @@
 """The ground of a map: painted once, and repainted where its cells change."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hcbf_gym import _core
@@ -9,8 +11,14 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.guidance.field import Ground, geometry_of, open_ground
 from hcbf_gym.models.grid import Grid
 
-Window = tuple[int, int, int, int]
-"""First row, end of the rows, first column and end of the columns, the border counted."""
+
+class Window(NamedTuple):
+    """A rectangle of the ground's cells; indices count the border."""
+
+    first_row: int
+    end_row: int  # one above the last row
+    first_column: int
+    end_column: int
 
 
 class MapGround:
@@ -21,15 +29,15 @@ class MapGround:
 
     Args:
         regions: the classes of one map.
-        clearance: what edges reserve besides the margins of their classes [m].
-        opened: ranks from it on may be crossed at their price, above 1; 0 for none.
-        before: a ground of the same grid, of which unchanged cells are copied; None for none.
+        clearance: the distance that edges reserve besides the margins of their classes [m].
+        opened: the lowest rank that may be crossed at its price, above 1; 0 if none may.
+        before: a ground of the same grid, from which unchanged cells are copied; None for none.
 
     Raises:
         InvalidInputError: if the classes have different grids.
 
     Attributes:
-        ground: of the map alone, without barriers beside it.
+        ground: cost and rank of the cells, without the scene's other barriers.
         geometry: (7,) of its grid, see `guidance.field`.
     """
 
@@ -47,7 +55,7 @@ class MapGround:
         rows, columns = self.grid.shape
         if before is None:
             self.ground = open_ground(rows, columns, self.grid.resolution)
-            self._paint((1, rows + 1, 1, columns + 1))
+            self._paint(Window(1, rows + 1, 1, columns + 1))
             return
         self.ground = before.ground
         window = self._window_changed_since(before)
@@ -56,10 +64,10 @@ class MapGround:
             self._paint(window)
 
     def with_regions(self, regions: tuple[MappedRegion, ...]) -> "MapGround":
-        """Return the ground of a map of the same grid, repainted where its cells are others.
+        """Return the ground of another map on the same grid, repainted where cells differ.
 
         Raises:
-            InvalidInputError: if the grid is another one.
+            InvalidInputError: if the other map has another grid.
         """
         if _grid_of(regions) != self.grid:
             raise InvalidInputError(
@@ -70,18 +78,18 @@ class MapGround:
 
     def _window_changed_since(self, before: "MapGround") -> Window | None:
         """Return the rows and columns whose paint may differ from before; None if no cell does."""
-        keys = before._layers.keys() | self._layers.keys()
+        layers = before._layers.keys() | self._layers.keys()
         empty = np.zeros_like(self.ground.rank, dtype=np.bool_)
         changed = empty.copy()
-        for key in keys:
-            changed |= before._layers.get(key, empty) != self._layers.get(key, empty)
+        for layer in layers:
+            changed |= before._layers.get(layer, empty) != self._layers.get(layer, empty)
         if not changed.any():
             return None
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         # how far a cell raises costs; 2: distances are from its edge, and the cast rounds down
-        farthest = max(clearance for _, clearance in keys)
+        farthest = max(clearance for _, clearance in layers)
         reach = int((farthest + _core.GROUND_HALO) / self.grid.resolution) + 2
-        return (
+        return Window(
             max(1, int(rows[0]) - reach),
             min(changed.shape[0] - 1, int(rows[-1]) + 1 + reach),
             max(1, int(columns[0]) - reach),
@@ -102,34 +110,31 @@ class MapGround:
         return name
 
     def _layers_of(self, regions: tuple[MappedRegion, ...]) -> dict[tuple[int, float], Mask]:
-        """Return rank and clearance → (rows + 2, columns + 2) the occupied cells of both."""
+        """Return (rank, clearance) → (rows + 2, columns + 2) the cells of classes with both."""
         layers: dict[tuple[int, float], Mask] = {}
         for region in regions:
-            key, cells = (region.priority, region.margin + self.clearance), _bordered(region)
-            layers[key] = layers[key] | cells if key in layers else cells
+            layer, cells = (region.priority, region.margin + self.clearance), _bordered(region)
+            layers[layer] = layers[layer] | cells if layer in layers else cells
         return layers
 
     def _paint(self, window: Window) -> None:
-        """Paint a window of the ground anew, from the price of open cells on."""
-        side = float(self.geometry[2])
-        inner = slice(window[0], window[1]), slice(window[2], window[3])
-        self.ground.cost[inner] = side
-        self.ground.rank[inner] = 0
+        """Paint a window of the ground anew: open cells first, then the layers over them."""
+        side = self.grid.resolution
+        rows = slice(window.first_row, window.end_row)
+        columns = slice(window.first_column, window.end_column)
+        self.ground.cost[rows, columns] = side
+        self.ground.rank[rows, columns] = 0
         for (rank, clearance), cells in self._layers.items():
             _core.paint_cells(*self.ground, window, cells, side, rank, clearance, self.opened)
 
 
 def _bordered(region: MappedRegion) -> Mask:
-    """Return (rows + 2, columns + 2) the cells of a class, and around them what is beyond."""
+    """Return (rows + 2, columns + 2) the cells of a class; the border is in it if `beyond` is."""
     return np.pad(region.cells, 1, constant_values=region.beyond)
 
 
 def _grid_of(regions: tuple[MappedRegion, ...]) -> Grid:
-    """Return the one grid of all classes.
-
-    Raises:
-        InvalidInputError: if there are several.
-    """
+    """Return the grid that all classes share; refuse classes of different grids."""
     grid = regions[0].grid
     for region in regions:
         if region.grid != grid:

@@ -1,4 +1,4 @@
-"""A filter as a function of one array of variables, with its derivative: both layers call it."""
+"""The filter as a differentiable function of one array; the layers of PyTorch and JAX call it."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -17,19 +17,18 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.filter.settings import input_limits
 from hcbf_gym.models.input_sets import InputSet
 
-_STATE = 2 + 4  # u* and x
-_MARGINS = 3  # m, ṁ and m̈ of a row
-_BUILT_IN = "shapes and speed limits of this package"
+MARGIN_SIZE = 3  # the number of entries of a row's margin: m, ṁ and m̈
+_STATE_SIZE = 2 + 4  # u* and x
 
 
 class Filtered(NamedTuple):
-    """What a layer returns, with the leading axes of its arguments.
+    """The result of a layer, with the leading axes of its arguments.
 
     Attributes:
-        u: (…, 2) the filtered input, which has derivatives.
+        u: (…, 2) the filtered input [m/s²], which has derivatives.
         status: (…,) `FilterStatus` as an integer.
-        degenerate: (…,) whether u has no derivative here: slopes to either side differ. The
-            derivative is then that of one side.
+        degenerate: (…,) whether u has no derivative here, because the slopes to either side differ.
+            The derivative is then that of one side.
     """
 
     u: Any
@@ -40,24 +39,24 @@ class Filtered(NamedTuple):
 class FlatFilter:
     """The filter of the planar double integrator as a function of its variables and the time.
 
-    The variables (…, K) are u* (2,), x (4,), and of each of m barriers its block and its margins:
-    K = 6 + 22 m.
+    The variables (…, K) are u* (2,) and x (4,), then the block (19,) and the margin (3,) of each
+    of m barriers, so that K = 6 + 22 m. `barriers.layout` describes blocks.
 
     Args:
-        barriers: m of them, of built-in kinds; their blocks are defaults that a call may replace.
+        barriers: m barriers of built-in kinds; their blocks are defaults that a call may replace.
         input_set: U; the box |u_i| ≤ 5 unless given.
         program: one of `programs.names`, or a plan of your own.
         alpha1: α₁; the paper's logarithm unless given.
-        alpha2: α₂; as `RowSettings` has it unless given.
-        period: T of rows for a held input [s]; None makes the usual rows.
-        alpha_speed: α of speed limits; as `RowSettings` has it unless given.
-        options: of the program, see `programs.options`.
+        alpha2: α₂; the default of `RowSettings` unless given.
+        period: T, for which rows assume that an input is held [s]; None makes the usual rows.
+        alpha_speed: α of speed limits; the default of `RowSettings` unless given.
+        options: the options of the program, see `programs.options`.
 
     Raises:
-        InvalidInputError: on other barriers or malformed settings.
+        InvalidInputError: on a barrier of another kind, or malformed settings.
 
     Attributes:
-        blocks: (m, 19) what `BarrierSet.parameters` holds, whose columns each shape names.
+        blocks: (m, 19) the barriers' numbers, as `BarrierSet.parameters` has them.
     """
 
     def __init__(
@@ -76,8 +75,8 @@ class FlatFilter:
         is_other = kind > layout.SPEED_LIMIT
         if is_other.any():
             raise InvalidInputError(
-                f"barriers: got number {int(np.argmax(is_other))} of another kind, expected "
-                f"{_BUILT_IN}"
+                f"barriers: got number {int(np.argmax(is_other))} of another kind, expected shapes "
+                "and speed limits of this package"
             )
         batch_program = programs.make_batch(program, input_set=input_set, **options)
         limits = batch_program.input_set
@@ -91,16 +90,16 @@ class FlatFilter:
         )
         check_limits(scene, period, limits.radius)
         self.blocks = scene.parameters[0]
-        self._shapes = {  # of one state's arguments
+        self._shapes = {  # of the arguments without leading axes
             "u_nominal": (2,),
             "x": (4,),
             "blocks": (m, layout.WIDTH),
-            "margin": (m, _MARGINS),
+            "margin": (m, MARGIN_SIZE),
             "t": (),
         }
-        self._width = _STATE + m * (layout.WIDTH + _MARGINS)  # K
+        self._size = _STATE_SIZE + m * (layout.WIDTH + MARGIN_SIZE)  # K
         core = _core.PlanarProgram(*batch_program.settings_of(1).values())
-        self._constants = core, kind, scene.priority[0], settings.packed
+        self._constants = core, kind, scene.priority[0], settings.packed  # as the core takes them
 
     def variables(self, xp: Any, u_nominal: Any, x: Any, blocks: Any, margin: Any, t: Any) -> Any:
         """Return the variables (…, K) and the times (…,) as arrays of the library `xp`.
@@ -111,30 +110,30 @@ class FlatFilter:
             x: (…, 4) position and velocity.
             blocks: (…, m, 19) the barriers' numbers.
             margin: (…, m, 3) m, ṁ and m̈ of each row.
-            t: (…,) the time, of barriers that move [s].
+            t: (…,) the time, for barriers that move [s].
 
         Raises:
             InvalidInputError: on shapes that do not fit.
         """
         arrays = dict(zip(self._shapes, (u_nominal, x, blocks, margin, t), strict=True))
-        batch = self._batch_of({name: tuple(array.shape) for name, array in arrays.items()})
+        batch = self._leading_axes({name: tuple(array.shape) for name, array in arrays.items()})
         u_nominal, x, blocks, margin, t = (
             xp.broadcast_to(array, (*batch, *self._shapes[name])) for name, array in arrays.items()
         )
-        of_barriers = xp.concatenate([blocks, margin], -1)  # (…, m, 22)
-        flat = of_barriers.reshape((*batch, self._width - _STATE))
+        per_barrier = xp.concatenate([blocks, margin], -1)  # (…, m, 22)
+        flat = per_barrier.reshape((*batch, self._size - _STATE_SIZE))
         return xp.concatenate([u_nominal, x, flat], -1), t
 
-    def _batch_of(self, shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+    def _leading_axes(self, shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         """Return the leading axes to which arguments of these shapes broadcast."""
         leading = []
         for name, shape in shapes.items():
-            of_one = self._shapes[name]
-            axes = len(shape) - len(of_one)
-            if axes < 0 or shape[axes:] != of_one:
-                expected = ", ".join(map(str, of_one))
+            last_axes = self._shapes[name]
+            count = len(shape) - len(last_axes)
+            if count < 0 or shape[count:] != last_axes:
+                expected = ", ".join(map(str, last_axes))
                 raise InvalidInputError(f"{name}: got shape {shape}, expected (..., {expected})")
-            leading.append(shape[:axes])
+            leading.append(shape[:count])
         try:
             return np.broadcast_shapes(*leading)
         except ValueError as error:
@@ -147,25 +146,26 @@ class FlatFilter:
 
         Args:
             variables: (…, K).
-            t: (…,) the time, of barriers that move [s].
+            t: (…,) the time, for barriers that move [s].
 
         Raises:
             InvalidInputError: on entries that are not finite.
         """
         flat, times = self._flat(variables, t)
-        count, shape = len(flat), np.shape(variables)[:-1]
+        count, batch = len(flat), np.shape(variables)[:-1]
         u, status = np.empty((count, 2)), np.empty(count, np.int64)
         degenerate = np.empty(count, bool)
-        bad = _core.layer_filter(*self._constants, flat, times, u, status, degenerate)
-        if bad < count:
+        first_invalid = _core.layer_filter(*self._constants, flat, times, u, status, degenerate)
+        if first_invalid < count:
+            state = flat[first_invalid]
             raise InvalidInputError(
-                f"state {bad}: got u* {flat[bad, :2]}, x {flat[bad, 2:6]} and t {times[bad]} whose "
-                "rows are not finite, expected finite numbers"
+                f"state {first_invalid}: got u* {state[:2]}, x {state[2:6]} and "
+                f"t {times[first_invalid]} whose rows are not finite, expected finite numbers"
             )
-        return u.reshape((*shape, 2)), status.reshape(shape), degenerate.reshape(shape)
+        return u.reshape((*batch, 2)), status.reshape(batch), degenerate.reshape(batch)
 
     def pull_back(self, variables: Array, t: Array, w: Array) -> Array:
-        """Return (∂u/∂variables)ᵀ w, (…, K), for w (…, 2)."""
+        """Return the vector-Jacobian product (∂u/∂variables)ᵀ w, (…, K), for w (…, 2)."""
         flat, times = self._flat(variables, t)
         product = np.empty_like(flat)
         weights = np.ascontiguousarray(w, np.float64).reshape(-1, 2)
@@ -173,6 +173,6 @@ class FlatFilter:
         return product.reshape(np.shape(variables))
 
     def _flat(self, variables: Array, t: Array) -> tuple[Array, Array]:
-        """Return variables (N, K) and times (N,) of all leading axes in one, as the core reads."""
-        flat = np.ascontiguousarray(variables, np.float64).reshape(-1, self._width)
+        """Return variables (N, K) and times (N,), their leading axes joined to one of length N."""
+        flat = np.ascontiguousarray(variables, np.float64).reshape(-1, self._size)
         return flat, np.ascontiguousarray(t, np.float64).reshape(-1)

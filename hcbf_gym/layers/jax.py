@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.barriers.many import Element
-from hcbf_gym.layers.flat import Filtered, FlatFilter
+from hcbf_gym.layers.flat import MARGIN_SIZE, Filtered, FlatFilter
 from hcbf_gym.models.autodiff import import_jax
 
 JaxArray = Any  # `jax.Array`: JAX is imported when a filter is made, not before
@@ -16,18 +16,18 @@ JaxArray = Any  # `jax.Array`: JAX is imported when a filter is made, not before
 def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[..., Filtered]:
     """Return u as a differentiable function of u*, the state, the barriers' numbers and margins.
 
-    The function is ``filter(u_nominal, x, blocks=None, margin=None, t=0.0)``, with arrays and
-    answer as those of `layers.torch.SafetyLayer`. It works under `jit`, `vmap` and reverse-mode
-    differentiation of the first order, and calls the host, which computes in 64 bit; its answer is
-    as precise as JAX is set to be (``jax.config.update("jax_enable_x64", True)``).
+    The function is ``filter(u_nominal, x, blocks=None, margin=None, t=0.0)``. Its arguments and its
+    result have the shapes of `layers.torch.SafetyLayer.forward`. It works under `jit`, `vmap` and
+    reverse-mode differentiation of the first order. It calls the host, which computes in 64 bit.
+    The result has JAX's own precision (``jax.config.update("jax_enable_x64", True)``).
 
     Args:
-        barriers: m of them, of built-in kinds, in order.
-        settings: `input_set`, `program`, `alpha1`, `alpha2`, `alpha_speed`, `period` and the
-            program's options, see `layers.flat.FlatFilter`.
+        barriers: m barriers of built-in kinds.
+        settings: the other arguments of `layers.flat.FlatFilter`: `input_set`, `program`, `alpha1`,
+            `alpha2`, `alpha_speed`, `period`, and the program's options.
 
     Raises:
-        InvalidInputError: on other barriers or malformed settings.
+        InvalidInputError: on a barrier of another kind, or malformed settings.
         UnknownNameError: on an unknown program; the message lists the choices.
         MissingDependencyError: if JAX is not installed.
     """
@@ -38,7 +38,7 @@ def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[...,
         u_nominal: Any, x: Any, blocks: Any = None, margin: Any = None, t: Any = 0.0
     ) -> Filtered:
         blocks = flat.blocks if blocks is None else blocks
-        margin = np.zeros((len(flat.blocks), 3)) if margin is None else margin
+        margin = np.zeros((len(flat.blocks), MARGIN_SIZE)) if margin is None else margin
         arguments = (u_nominal, x, blocks, margin, t)
         arrays = [jax.numpy.asarray(argument, dtype=float) for argument in arguments]
         variables, times = flat.variables(jax.numpy, *arrays)
@@ -48,9 +48,9 @@ def safety_filter(barriers: Sequence[Element], **settings: Any) -> Callable[...,
 
 
 def _solver(jax: Any, flat: FlatFilter) -> Callable[[JaxArray, JaxArray], JaxArray]:
-    """Return JAX's function of variables (…, K) and times (…,), with its derivative.
+    """Return the filter as JAX's function of variables (…, K) and times (…,), with its derivative.
 
-    JAX cannot trace compiled code, so that both call the host, once for a whole batch.
+    JAX cannot trace compiled code. So the function and its derivative call the host, once a batch.
     """
 
     @jax.custom_vjp
@@ -80,7 +80,7 @@ def _solver(jax: Any, flat: FlatFilter) -> Callable[[JaxArray, JaxArray], JaxArr
 
 
 def _filter_on_host(flat: FlatFilter, variables: JaxArray, t: JaxArray) -> tuple[Any, Any, Any]:
-    """Return u (…, 2), statuses (…,) and where u has no derivative (…,), in JAX's precision."""
+    """Return u (…, 2) in JAX's precision, statuses (…,) and where u has no derivative (…,)."""
     u, status, degenerate = flat.filter(np.asarray(variables), np.asarray(t))
     return u.astype(variables.dtype), status.astype(np.int32), degenerate
 

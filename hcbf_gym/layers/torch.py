@@ -5,7 +5,7 @@ from typing import Any
 
 from hcbf_gym.barriers.many import Element
 from hcbf_gym.errors import MissingDependencyError, install, instance
-from hcbf_gym.layers.flat import Filtered, FlatFilter
+from hcbf_gym.layers.flat import MARGIN_SIZE, Filtered, FlatFilter
 
 try:
     import torch
@@ -19,20 +19,20 @@ except ImportError as error:
 class SafetyLayer(torch.nn.Module):
     """u as a differentiable function of u*, the state, the barriers' numbers and their margins.
 
-    The filter is the rows and the program alone: it knows neither guidance nor whether a state is
-    plausible. Derivatives of the first order go backwards, on the CPU in 64 bit.
+    The layer has the rows and the program of the filter, without guidance and without checks of the
+    state. It has derivatives of the first order in reverse mode, on the CPU in 64 bit.
 
     Args:
-        barriers: m of them, of built-in kinds, in order.
-        settings: `input_set`, `program`, `alpha1`, `alpha2`, `alpha_speed`, `period` and the
-            program's options, see `layers.flat.FlatFilter`.
+        barriers: m barriers of built-in kinds.
+        settings: the other arguments of `layers.flat.FlatFilter`: `input_set`, `program`, `alpha1`,
+            `alpha2`, `alpha_speed`, `period`, and the program's options.
 
     Raises:
-        InvalidInputError: on other barriers or malformed settings.
+        InvalidInputError: on a barrier of another kind, or malformed settings.
         UnknownNameError: on an unknown program; the message lists the choices.
 
     Attributes:
-        blocks: (m, 19) the barriers' numbers, a buffer.
+        blocks: (m, 19) a buffer of the barriers' numbers, whose columns `barriers.layout` names.
     """
 
     blocks: torch.Tensor
@@ -50,14 +50,14 @@ class SafetyLayer(torch.nn.Module):
         margin: torch.Tensor | None = None,
         t: torch.Tensor | float = 0.0,
     ) -> Filtered:
-        """Filter nominal inputs; leading axes broadcast.
+        """Filter nominal inputs. The leading axes of all arguments broadcast.
 
         Args:
-            u_nominal: (…, 2) u*.
-            x: (…, 4) position and velocity.
-            blocks: (…, m, 19) the barriers' numbers in place of the layer's.
-            margin: (…, m, 3) what each row reserves: m, ṁ and m̈; 0 unless given.
-            t: (…,) the time, of barriers that move [s]; it has no derivative.
+            u_nominal: (…, 2) u* [m/s²].
+            x: (…, 4) position [m] and velocity [m/s].
+            blocks: (…, m, 19) the barriers' numbers; the buffer `blocks` unless given.
+            margin: (…, m, 3) the margin m of each row with its derivatives ṁ and m̈; 0 unless given.
+            t: (…,) the time, for barriers that move [s]; it has no derivative.
 
         Returns:
             u of the type and device of u*, the statuses, and where u has no derivative.
@@ -66,7 +66,8 @@ class SafetyLayer(torch.nn.Module):
             InvalidInputError: on shapes that do not fit, or entries that are not finite.
         """
         blocks = self.blocks if blocks is None else blocks
-        margin = self.blocks.new_zeros((len(self.blocks), 3)) if margin is None else margin
+        if margin is None:
+            margin = self.blocks.new_zeros((len(self.blocks), MARGIN_SIZE))
         t = torch.as_tensor(t).detach()
         arguments = {"u_nominal": u_nominal, "x": x, "blocks": blocks, "margin": margin, "t": t}
         tensors = [
@@ -80,7 +81,7 @@ class SafetyLayer(torch.nn.Module):
 
 
 class _Filter(torch.autograd.Function):
-    """The filter as PyTorch differentiates it, of variables (…, K) and times (…,) on the CPU."""
+    """The autograd function of the filter, of variables (…, K) and times (…,) on the CPU."""
 
     @staticmethod
     def forward(ctx: Any, variables: torch.Tensor, t: torch.Tensor, flat: FlatFilter) -> Any:
@@ -97,4 +98,4 @@ class _Filter(torch.autograd.Function):
         variables, t = ctx.saved_tensors
         w = grads[0]  # (…, 2) of u, the only result that has derivatives
         product = ctx.flat.pull_back(variables.detach().numpy(), t.numpy(), w.numpy())
-        return torch.from_numpy(product), None, None  # of the variables alone
+        return torch.from_numpy(product), None, None  # t and flat have no derivatives

@@ -1,5 +1,5 @@
-"""From a planar acceleration to joint torques, as the lower half of the paper's Fig. 2.
+"""Locomotion: from a planar acceleration to joint torques, the lower half of the paper's Fig. 2.
 
-``model → gait → footholds → swing → tasks → QP → impedance``: one file each, in this order put
-together in `controller`.
+The stages are ``model → gait → footholds → swing → tasks → QP → impedance``. The core runs them in
+this order in one tick, see `core/include/hcbf/locomotion_tick.hpp`; `controller` calls it.
 """

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from hcbf_gym.robots import a1
 from hcbf_gym.robots.reader import read_robot
 
 LEAST_FRICTION, LARGEST_FRICTION = 0.05, 10.0
-"""Of the ground's friction: below, no gait walks; above, it bounds nothing."""
+"""The range of the ground's friction. Below it no gait walks, above it no force is limited."""
 
 
 class BodyReference(NamedTuple):
@@ -35,17 +35,17 @@ class BodyReference(NamedTuple):
 
 
 class Diagnostics(NamedTuple):
-    """The controller's latest tick."""
+    """The results of the controller's latest tick."""
 
-    stance: Mask  # (4,) feet that the gait lets carry
+    stance: Mask  # (4,) feet that carry load by the gait's plan
     foot_position: Array  # (4, 3) targets of the feet in the world [m]
-    foothold: Array  # (4, 2) where they land, or are [m]
-    torque: Array  # (12,) as commanded [N·m]
-    feedforward: Array  # (12,) the QP's share of it [N·m]
+    foothold: Array  # (4, 2) where swing feet land and stance feet are [m]
+    torque: Array  # (12,) the commanded torques [N·m]
+    feedforward: Array  # (12,) the part of them that the QP computed [N·m]
     qp_exitflag: int  # DAQP's; 1 means optimal, 0 that there was no program yet
-    qp_residual: float  # largest violation of the KKT conditions; 0 where there was no program yet
+    qp_residual: float  # largest violation of the KKT conditions; 0 if there was no program yet
     qp_solved: int  # programs solved since reset
-    qp_failed: int  # programs without a solution since reset; the last torques were held there
+    qp_failed: int  # programs without a solution since reset; the torques before were held
 
 
 class LocomotionController:
@@ -53,17 +53,17 @@ class LocomotionController:
 
     Args:
         xml_file: MJCF of the robot alone, from which the controller's model is read.
-        timestep: of the control loop [s].
+        timestep: period of the control loop [s].
         friction: µ of the friction pyramid that bounds the contact forces; below 0.6 the
             robot turns more slowly in proportion.
         gait: a name from `GAITS`; "stand" stands still until a command or a disturbance.
         heading: "velocity" turns the trunk along its velocity, "fixed" holds it as at reset.
-        max_speed: cap on the reference's speed [m/s]; None is as fast as the gait walks well.
+        max_speed: cap on the reference's speed [m/s]; None takes the gait's greatest speed.
 
     Attributes:
-        stance: (4,) feet that the latest tick lets carry; a view, which every tick changes.
-        solved: programs solved since reset.
-        failed: programs without a solution since reset.
+        stance: (4,) feet that carry load in the latest tick; a view, which every tick changes.
+        solved: the number of programs solved since reset.
+        failed: the number of programs without a solution since reset.
 
     Raises:
         RobotModelError: if the file is no model of the A1's kind; the message names the joints.
@@ -104,32 +104,22 @@ class LocomotionController:
         records = self._settings, self._memory, workspace
         self._compiled = _core.LocomotionTick(*map(words_of, records))
         work = attributes(workspace)
-        self._found, self._feedforward, self._z = work.torque, work.feedforward, work.z
-        self._programs = [
-            qp.QuadraticProgram(
-                work.H,
-                work.f,
-                work.A[: 12 + 4 * contacts],
-                work.lower[: 24 + 4 * contacts],
-                work.upper[: 24 + 4 * contacts],
-                0,
-            )
-            for contacts in range(5)
-        ]
-        # where no bound binds, the solution is in the workspace and the multipliers are zero
-        self._free = [
+        self._tick_torque, self._feedforward, self._z = work.torque, work.feedforward, work.z
+        self._programs = [_program_in(work, contacts) for contacts in range(5)]
+        # where no bound is active, the solution is in the workspace and the multipliers are zero
+        self._unbounded_solutions = [
             qp.Solution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
             for program in self._programs
         ]
         self._program = self._programs[0]
-        self._begun = False
+        self._is_reset = False
         self._solution: qp.Solution | None = None
         self._torque = np.zeros(12)
         self.solved = 0
         self.failed = 0
 
     def __getstate__(self) -> NoReturn:
-        """Refuse copies: their views would still show this controller's workspace."""
+        """Refuse copies, whose views would still show this controller's workspace."""
         raise InvalidInputError("controller: cannot be copied; construct a new one")
 
     def reset(self, state: RobotState) -> None:
@@ -148,71 +138,81 @@ class LocomotionController:
         memory.targets.foothold[:] = feet[:, :2]
         self._feedforward[:] = 0.0
         self._torque = np.zeros(12)
-        self._begun, self._solution = True, None
+        self._is_reset, self._solution = True, None
         self.solved = 0
         self.failed = 0
 
     def step(self, state: RobotState, u: Array) -> Array:
         """Return (12,) joint torques [N·m] for the coming tick.
 
-        Where no bound binds, this is one compiled call; DAQP solves the other programs, and without
-        a solution the last torques hold.
+        Where no bound is active, this is one compiled call. DAQP solves the other programs. Without
+        a solution the torques before are held.
 
         Args:
-            state: as measured now.
+            state: the state as measured now.
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
-        contacts, free = self._compiled.tick(state.vector, u)
-        self._program, solution = self._programs[contacts], self._free[contacts]
-        if not free:
+        contacts, no_bound_is_active = self._compiled.tick(state.vector, u)
+        self._program = self._programs[contacts]
+        if no_bound_is_active:
+            solution = self._unbounded_solutions[contacts]
+        else:
             solution = qp.solve(self._program)
             if solution.x is not None:
                 self._z[:] = solution.x
             self._compiled.finish(solution.x is not None)
-        solved = solution.x is not None
-        self.solved += solved
-        self.failed += not solved
-        self._torque, self._solution = self._found.copy(), solution
+        is_solved = solution.x is not None
+        self.solved += is_solved
+        self.failed += not is_solved
+        self._torque, self._solution = self._tick_torque.copy(), solution
         return self._torque
 
     @property
     def lift(self) -> float:
-        """The upward acceleration that it has learnt to hold the trunk's height [m/s²]."""
+        """The learnt upward acceleration that holds the trunk's height [m/s²]."""
         return float(self._memory["lift"][0])
 
     @property
     def reference(self) -> BodyReference:
-        """The state of the reduced-order model, and the heading's."""
-        # in one piece: field by field takes six times as long
+        """The references of the trunk: the state of the reduced-order model, and the heading."""
+        # one copy of the record: reading it field by field takes six times as long
         fields = self._memory["reference"].copy().item()
         return BodyReference._make(fields)
 
     @property
     def diagnostics(self) -> Diagnostics:
-        """The latest tick, or the pose at the reset; the residual takes longer than the QP."""
-        if not self._begun:
+        """The results of the latest tick; the residual takes longer to compute than the QP."""
+        if not self._is_reset:
             raise InvalidInputError("diagnostics: there was no reset yet, expected one first")
         targets = attributes(self._memory).targets
-        solved = self._solution
+        solution = self._solution
         return Diagnostics(
             stance=targets.stance.copy(),
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
             feedforward=self._feedforward.copy(),
-            qp_exitflag=0 if solved is None else solved.exitflag,
-            qp_residual=0.0 if solved is None else qp.residual(self._program, solved),
+            qp_exitflag=0 if solution is None else solution.exitflag,
+            qp_residual=0.0 if solution is None else qp.residual(self._program, solution),
             qp_solved=self.solved,
             qp_failed=self.failed,
         )
 
 
+def _program_in(work: Any, contacts: int) -> qp.QuadraticProgram:
+    """Return the program of a number of feet in stance, as views of the core's workspace."""
+    rows = 12 + 4 * contacts  # torques of the joints, then friction pyramids; 12 unknowns
+    A, lower, upper = work.A[:rows], work.lower[: 12 + rows], work.upper[: 12 + rows]
+    return qp.QuadraticProgram(work.H, work.f, A, lower, upper, equalities=0)
+
+
 def check_friction(friction: float) -> float:
-    """Return µ of the contact forces, if a controller can plan with it."""
+    """Return the friction coefficient µ, if a controller can plan with it."""
     return finite_float("friction", friction, minimum=LEAST_FRICTION, maximum=LARGEST_FRICTION)
 
 
 def _speed_cap(gait: Gait, max_speed: float | None) -> float:
+    """Return the cap on the reference's speed [m/s]; refuse one above the gait's greatest speed."""
     if max_speed is None:
         return gait.max_speed
     speed = finite_float("max_speed", max_speed, minimum=0.0, exclusive=True)

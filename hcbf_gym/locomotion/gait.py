@@ -1,16 +1,16 @@
-"""Gaits as data."""
+"""Gaits: the times at which each foot swings."""
 
 from typing import NamedTuple
 
 
 class Gait(NamedTuple):
-    """When each foot swings."""
+    """The timing of a gait's swings."""
 
-    period: float  # of a stride [s]
-    duty: float  # share of the period that a foot is in stance
+    period: float  # duration of a stride [s]
+    duty: float  # share of the period for which a foot is in stance
     offsets: tuple[float, float, float, float]  # phase of FR, FL, RR, RL at time zero
-    rests: bool  # whether all feet stay down without a command and a disturbance
-    max_speed: float  # up to which it walks well [m/s]
+    rests: bool  # whether all feet stay down without command and disturbance
+    max_speed: float  # the greatest speed at which it walks well [m/s]
 
 
 _TROT = Gait(period=0.26, duty=0.5, offsets=(0.0, 0.5, 0.5, 0.0), rests=False, max_speed=1.8)

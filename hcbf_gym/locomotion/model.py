@@ -30,7 +30,7 @@ class RobotModel:
     """A floating trunk with four abad–hip–knee legs, read from a file without ``<include>``.
 
     Raises:
-        RobotModelError: if Pinocchio cannot read the file, or the closed form does not cover its
+        RobotModelError: if Pinocchio cannot read the file, or `foot_kinematics` do not cover its
             legs.
     """
 
@@ -49,21 +49,22 @@ class RobotModel:
 
 
 def _read(xml_file: Path) -> "pin.Model":
-    import pinocchio as pin  # robots on wheels need none of it
+    """Return Pinocchio's model of a file; refuse other joints than the A1's, or another order."""
+    import pinocchio as pin  # imported here: robots on wheels work without Pinocchio
 
     try:
         model = pin.buildModelFromMJCF(str(xml_file))
     except Exception as error:  # Pinocchio raises whatever its parser throws
         raise RobotModelError(f"xml_file: {xml_file} is not MJCF that Pinocchio reads") from error
-    sizes = list(model.nqs)[1:]  # the first joint is the universe
-    got = [name for name, nq in zip(list(model.names)[1:], sizes, strict=True) if nq == 1]
-    if sorted(got) != sorted(a1.JOINTS) or model.nq != 19 or model.nv != 18:
+    names, sizes = list(model.names)[1:], list(model.nqs)[1:]  # the first joint is the universe
+    hinges = [name for name, size in zip(names, sizes, strict=True) if size == 1]
+    if sorted(hinges) != sorted(a1.JOINTS) or model.nq != 7 + 12 or model.nv != 6 + 12:
         raise RobotModelError(
-            f"xml_file: got the hinge joints {got} and {model.nq - len(got)} further coordinates, "
-            f"expected a free joint (7 coordinates) and the hinges {list(a1.JOINTS)}"
+            f"xml_file: got the hinge joints {hinges} and {model.nq - len(hinges)} further "
+            f"coordinates, expected a free joint (7 coordinates) and the hinges {list(a1.JOINTS)}"
         )
-    if got != list(a1.JOINTS):
-        raise RobotModelError(f"xml_file: got the joint order {got}, expected {list(a1.JOINTS)}")
+    if hinges != list(a1.JOINTS):
+        raise RobotModelError(f"xml_file: got the joint order {hinges}, expected {list(a1.JOINTS)}")
     return model
 
 
@@ -71,12 +72,14 @@ def _leg_geometry(model: "pin.Model", robot: Quadruped) -> LegGeometry:
     """Read the lengths; refuse legs whose axes or offsets the closed form does not cover."""
     placements = [model.jointPlacements[model.getJointId(name)] for name in a1.JOINTS]
     axes = [model.joints[model.getJointId(name)].shortname() for name in a1.JOINTS]
+    # (leg; abad, hip or knee; x, y, z)
     offsets = np.array([placement.translation for placement in placements]).reshape(4, 3, 3)
-    straight = all(np.allclose(placement.rotation, np.eye(3)) for placement in placements)
-    plain = np.allclose(offsets[:, 1, [0, 2]], 0.0) and np.allclose(offsets[:, 2, :2], 0.0)
-    equal = np.allclose(offsets[:, 2, 2], offsets[0, 2, 2])
-    expected = ["JointModelRX", "JointModelRY", "JointModelRY"] * 4
-    if axes != expected or not (straight and plain and equal):
+    is_aligned = all(np.allclose(placement.rotation, np.eye(3)) for placement in placements)
+    hip_is_beside_abad = np.allclose(offsets[:, 1, [0, 2]], 0.0)
+    knee_is_below_hip = np.allclose(offsets[:, 2, :2], 0.0)
+    thighs_are_equal = np.allclose(offsets[:, 2, 2], offsets[0, 2, 2])
+    is_covered = is_aligned and hip_is_beside_abad and knee_is_below_hip and thighs_are_equal
+    if axes != ["JointModelRX", "JointModelRY", "JointModelRY"] * 4 or not is_covered:
         raise RobotModelError(
             f"xml_file: {robot.xml_file} has joint axes {axes} and offsets {offsets.tolist()}, "
             "expected an abad axis x, hip and knee axes y, the hip straight beside the abad joint, "

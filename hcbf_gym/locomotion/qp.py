@@ -1,4 +1,4 @@
-"""The controller's solver: every status is read, no solution is guessed."""
+"""The controller's solver of quadratic programs, DAQP; without a solution it returns None."""
 
 from functools import cache
 from typing import NamedTuple
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from hcbf_gym.arrays import Array
 
-OPTIMAL = 1
-_EQUALITY = 5
+OPTIMAL = 1  # an exit flag of DAQP
+_EQUALITY = 5  # a constraint whose bounds are equal, in DAQP's `sense`
 
 
 class QuadraticProgram(NamedTuple):
@@ -25,7 +25,7 @@ class QuadraticProgram(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The solver's result."""
+    """The result of the solver."""
 
     x: Array | None  # (n,) the minimiser, or None if none was found
     exitflag: int  # DAQP's; 1 means optimal, −1 infeasible
@@ -43,7 +43,7 @@ def solve(program: QuadraticProgram) -> Solution:
 
 @cache
 def _senses(unknowns: int, bounds: int, equalities: int) -> NDArray[np.int32]:
-    """Return (bounds,) the kinds of constraints: the first general rows are equalities."""
+    """Return DAQP's kinds of constraints (bounds,); the first general rows are equalities."""
     senses = np.zeros(bounds, dtype=np.int32)
     senses[unknowns : unknowns + equalities] = _EQUALITY
     return senses

@@ -1,6 +1,6 @@
-"""The controller's input: the state of the robot as one vector.
+"""The robot's state as one vector, the input of the controller.
 
-Entering compiled code costs time per argument.
+It is one vector because every argument of a call of compiled code takes time.
 """
 
 from typing import Any
@@ -11,6 +11,7 @@ STATE_SIZE = 41
 
 
 def _part(start: int, end: int, doc: str) -> Any:
+    """Return a property that is a view of some entries of the vector."""
     return property(lambda self: self.vector[..., start:end], doc=doc)
 
 
@@ -38,5 +39,5 @@ class RobotState:
 
     @property
     def foot_contact(self) -> Mask:
-        """(4,) bool, whether the foot touches something."""
+        """(4,) whether each foot is in contact."""
         return self.vector[..., 37:] > 0.0

@@ -1,4 +1,4 @@
-"""What is known of the robot: reduced-order models ẋ = f(x) + g(x)u and input sets U."""
+"""The knowledge of a robot: reduced-order models ẋ = f(x) + g(x)u, input sets U and plants."""
 
 from hcbf_gym._core import Reason
 from hcbf_gym.models.axle import Axle

@@ -1,4 +1,4 @@
-"""JAX, the extra `jax`: imported when it is needed, in 64 bit without touching global settings."""
+"""JAX, the extra `jax`: imported when it is used, run in 64 bit without global settings."""
 
 import os
 import sys
@@ -11,13 +11,10 @@ _ran_in: int | None = None  # the process in which this package first ran JAX
 
 
 def import_jax(what: str) -> Any:
-    """Return the module jax.
-
-    Args:
-        what: what needs it, for the message.
+    """Return the module jax, for a function that messages call `what`.
 
     Raises:
-        MissingDependencyError: if it is not installed.
+        MissingDependencyError: if JAX is not installed.
     """
     try:
         import jax
@@ -31,35 +28,35 @@ def import_jax(what: str) -> Any:
 def is_jax(value: object) -> bool:
     """Return whether `value` is an array that JAX made."""
     jax = sys.modules.get("jax")
-    made = jax is not None and isinstance(value, jax.Array)
-    if made:
-        _note_process()
-    return made
+    is_array = jax is not None and isinstance(value, jax.Array)
+    if is_array:
+        _refuse_fork()
+    return is_array
 
 
 def compile64(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `function` compiled by JAX in 64 bit, whatever the user's own precision is."""
+    """Return `function` compiled by JAX in 64 bit, independent of the user's precision."""
     return run64(import_jax("compilation").jit(function))
 
 
 def run64(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `function` run by JAX in 64 bit, one operation after the other.
+    """Return `function` run by JAX in 64 bit without compilation.
 
     Raises:
         InvalidInputError: when called in a process that was forked from one in which JAX ran.
     """
-    enable = import_jax("compilation").enable_x64
+    enable_x64 = import_jax("compilation").enable_x64
 
     def call(*arguments: Any) -> Any:
-        _note_process()
-        with enable(True):
+        _refuse_fork()
+        with enable_x64(True):
             return function(*arguments)
 
     return call
 
 
-def _note_process() -> None:
-    """Refuse to run JAX in a fork of a process in which it ran: its threads are not copied."""
+def _refuse_fork() -> None:
+    """Refuse to run JAX in a fork of a process in which JAX ran: a fork has none of its threads."""
     global _ran_in
     process = os.getpid()
     if _ran_in is None:

@@ -1,6 +1,6 @@
-"""Which ages of data are accepted, the present minus their stamp on one clock.
+"""The ages of data that are accepted: an age is the present minus the stamp of the data.
 
-Two clocks never agree, so that a stamp may be ahead by `AHEAD`.
+Clocks of two computers differ, so a stamp may be ahead of the present by `AHEAD`.
 """
 
 import math
@@ -9,26 +9,26 @@ from typing import Any
 import numpy as np
 
 AHEAD = 0.1
-"""By which a stamp may be ahead of the clock [s]."""
+"""The greatest time by which a stamp may be ahead of the clock [s]."""
 SEEN_FOR = 60.0
-"""What was seen longer ago, or on another clock, is not accepted [s]."""
+"""The greatest age of a scan that is accepted [s]; a greater one is of another clock."""
 ROUNDING = 1e-9
-"""Of an age [s]."""
+"""The error of an age by rounding [s]."""
 
 
 def is_accepted(age: Any, oldest: float, ahead: float = AHEAD) -> Any:
     """Return whether data of an age, or of an array of ages, are accepted.
 
     Args:
-        age: [s]; NaN or infinite where there is none.
+        age: the age, or an array of ages [s]; NaN or infinite where there are no data.
         oldest: the greatest age that is accepted [s].
-        ahead: by which a stamp may be ahead [s].
+        ahead: the greatest time by which a stamp may be ahead [s].
     """
     return np.isfinite(age) & (age >= -ahead - ROUNDING) & (age <= oldest + ROUNDING)
 
 
 def refusal(age: float, oldest: float, ahead: float = AHEAD) -> str:
-    """Return in words why an age is not accepted (`is_accepted`); "" where there is no age."""
+    """Return in words why `is_accepted` refused an age; "" if it is NaN or infinite: no data."""
     if not math.isfinite(age):
         return ""
     if age < 0.0:

@@ -1,4 +1,4 @@
-"""Models as the core evaluates them: those that ship in C++, others by their own functions."""
+"""Models for the core: built-in ones in C++, and others, which call back into Python."""
 
 from collections.abc import Callable, Iterator
 
@@ -9,60 +9,64 @@ from hcbf_gym.arrays import Array
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.reduced_order import BuiltIn, ReducedOrderModel
 
+Shapes = tuple[tuple[int, ...], ...]
+
 
 def compiled(model: ReducedOrderModel) -> _core.Model:
-    """Return a model for the core."""
+    """Return the core's object of a model."""
     if isinstance(model, BuiltIn) and model.is_own:
         return model.core
-    return _core.PythonModel(model.n, model.n_u, model.n_p, Answers(model))
+    return _core.PythonModel(model.n, model.n_u, model.n_p, PythonModel(model))
 
 
-class Answers:
-    """What a model ẋ = f(x) + g(x)u returns at N states; NaN at those where it fails."""
+class PythonModel:
+    """The functions of a model at N states, for the core; rows are NaN where a function fails."""
 
     def __init__(self, model: ReducedOrderModel) -> None:
         self._model, self._n, self._n_u = model, model.n, model.n_u
 
     def terms(self, x: Array) -> tuple[Array, Array]:
-        """Return f (N, n) and g (N, n, n_u)."""
+        """Return f (N, n) and g (N, n, n_u) at states x (N, n)."""
         shapes = (self._n,), (self._n, self._n_u)
-        f, g = _each(self._model.terms_of, len(x), shapes, x)
+        f, g = _evaluated(self._model.terms_of, shapes, x)
         return f, g
 
     def jacobians(self, x: Array) -> Array:
-        """Return ∂f/∂x (N, n, n)."""
-        return _each(lambda x: (self._model.jacobians_of(x),), len(x), ((self._n, self._n),), x)[0]
+        """Return ∂f/∂x (N, n, n) at states x (N, n)."""
+        shape = (self._n, self._n)
+        return _evaluated(lambda x: (self._model.jacobians_of(x),), (shape,), x)[0]
 
     def steps(self, x: Array, u: Array, dt: float) -> Array:
-        """Return (N, n) the states after dt [s]."""
-        step = self._model.steps_of
-        return _each(lambda x, u: (step(x, u, dt),), len(x), ((self._n,),), x, u)[0]
+        """Return the states (N, n) that follow x (N, n) after dt [s] under inputs u (N, n_u)."""
+        return _evaluated(lambda x, u: (self._model.steps_of(x, u, dt),), ((self._n,),), x, u)[0]
 
     def brakes(self, x: Array, dt: float) -> Array:
-        """Return (N, n_u) the inputs that stop the plants within dt [s]."""
-        brakes = self._model.brakes_of
-        return _each(lambda x: (brakes(x, dt),), len(x), ((self._n_u,),), x)[0]
+        """Return the inputs (N, n_u) that stop plants at states x (N, n) within dt [s]."""
+        return _evaluated(lambda x: (self._model.brakes_of(x, dt),), ((self._n_u,),), x)[0]
 
 
-def _each(
-    function: Callable[..., tuple[Array, ...]],
-    count: int,
-    shapes: tuple[tuple[int, ...], ...],
-    *at: Array,
+def _evaluated(
+    function: Callable[..., tuple[Array, ...]], shapes: Shapes, *arguments: Array
 ) -> tuple[Array, ...]:
-    """Return what a function of N states returns, in the given shapes; NaN where it fails."""
+    """Return the results (N, *shape) of a function of arguments (N, …), NaN where it fails.
 
-    def answers(*part: Array) -> Iterator[Array]:
-        for answer, shape in zip(function(*part), shapes, strict=True):
-            numbers = np.ascontiguousarray(answer, dtype=np.float64)
-            if numbers.shape != (len(part[0]), *shape):
-                raise ValueError(f"got shape {numbers.shape}")
-            yield numbers
-
+    If the function fails for all states at once, it is called again for each of them.
+    """
+    count = len(arguments[0])
     try:
-        return tuple(answers(*at))
+        return tuple(_checked(function(*arguments), shapes, count))
     except UNREADABLE:
         if count == 1:
             return tuple(np.full((1, *shape), np.nan) for shape in shapes)
-    parts = [_each(function, 1, shapes, *(one[i : i + 1] for one in at)) for i in range(count)]
-    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+    one_by_one = ([argument[i : i + 1] for argument in arguments] for i in range(count))
+    rows = [_evaluated(function, shapes, *state) for state in one_by_one]
+    return tuple(np.concatenate(results) for results in zip(*rows, strict=True))
+
+
+def _checked(results: tuple[Array, ...], shapes: Shapes, count: int) -> Iterator[Array]:
+    """Yield results (count, *shape) as float64 arrays; refuse others by a ValueError."""
+    for result, shape in zip(results, shapes, strict=True):
+        numbers = np.ascontiguousarray(result, dtype=np.float64)
+        if numbers.shape != (count, *shape):
+            raise ValueError(f"got shape {numbers.shape}")
+        yield numbers

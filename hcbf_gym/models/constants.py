@@ -1,17 +1,18 @@
-"""Constants of nature, and the numbers beyond which nothing makes sense."""
+"""Gravity, and the bounds beyond which a number is taken for an error."""
 
 from hcbf_gym import _core
 
 GRAVITY = _core.GRAVITY
-"""On the ground [m/s²]."""
-
+"""The acceleration of gravity [m/s²]."""
 FARTHEST = _core.FARTHEST
-"""Of anything from the origin [m]: beyond, rounding is not small beside a contact's depth."""
+"""The greatest distance from the origin [m]. Beyond, rounding errors are no longer small compared
+with the depth of a contact."""
 LONGEST = 1e4
-"""Of the time between two samples [s]: beyond, nothing that is propagated is of use."""
+"""The longest time between two samples [s]: a state propagated for longer is useless."""
 ON_EARTH = 5e7
-"""Of regions and maps from the origin of a survey, such as UTM's, before they are shifted [m]."""
+"""The greatest distance of regions and maps from the origin of a survey, such as UTM's, from which
+they are shifted to the plant's start [m]."""
 STANDING = _core.STANDING
-"""Slower than that a robot is at rest [m/s]."""
+"""A robot that moves more slowly is at rest [m/s]."""
 ASKING = _core.ASKING
-"""A policy that requests more than that is to move [m/s²]."""
+"""A policy with a larger nominal input requests the robot to move [m/s²]."""

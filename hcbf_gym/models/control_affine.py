@@ -1,4 +1,4 @@
-"""A user's own model from two functions."""
+"""Control-affine models from two functions of a user."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,7 +23,8 @@ class ControlAffine(ReducedOrderModel):
         g: x (n,) → (n, n_u) the input matrix.
         n: the number of states.
         n_u: the number of inputs.
-        velocity_at: where the planar velocity that a speed limit reads starts in x, if it does.
+        velocity_at: the index in x at which the planar velocity begins, which speed limits read;
+            None if x has no such velocity.
 
     Raises:
         InvalidInputError: if a count is not positive, or a function raises an error or does not
@@ -55,17 +56,17 @@ class ControlAffine(ReducedOrderModel):
         self.velocity_at = velocity_at
         self._f, self._g = f, g
         probe = np.linspace(0.1, 0.9, self.n)
-        drift, inputs = _tried("f", f, probe), _tried("g", g, probe)
+        drift, input_matrix = _value_at("f", f, probe), _value_at("g", g, probe)
         finite_array("f(x)", drift, (self.n,))
-        finite_array("g(x)", inputs, (self.n, self.n_u))
+        finite_array("g(x)", input_matrix, (self.n, self.n_u))
         self._compiled_f = compile64(f) if is_jax(drift) else f
-        self._compiled_g = compile64(g) if is_jax(inputs) else g
+        self._compiled_g = compile64(g) if is_jax(input_matrix) else g
         self._jacobian: Callable[..., Any] | None = None
-        self._many: Callable[..., Any] | None = None
+        self._batched_terms: Callable[..., Any] | None = None
         if is_jax(drift):
             self._jacobian = compile64(import_jax("f").jacfwd(f))
-            if is_jax(inputs):
-                self._many = compile64(import_jax("f").vmap(lambda x: (f(x), g(x))))
+            if is_jax(input_matrix):
+                self._batched_terms = compile64(import_jax("f").vmap(lambda x: (f(x), g(x))))
 
     def f(self, x: Any) -> Any:
         """Return (n,) the drift."""
@@ -81,9 +82,9 @@ class ControlAffine(ReducedOrderModel):
 
     def terms_of(self, x: Array) -> tuple[Array, Array]:
         """Return f (N, n) and g (N, n, n_u) at N states x (N, n)."""
-        if self._many is None or len(x) == 1:
+        if self._batched_terms is None or len(x) == 1:
             return super().terms_of(x)
-        f, g = self._many(x)
+        f, g = self._batched_terms(x)
         return np.array(f, dtype=np.float64), np.array(g, dtype=np.float64)
 
     def f_jacobian(self, x: Array) -> Array:
@@ -102,13 +103,13 @@ class ControlAffine(ReducedOrderModel):
             ) from error
 
 
-def _tried(name: str, function: Callable[[Any], Any], x: Array) -> Any:
-    """Return what a user's function gives at a state."""
+def _value_at(name: str, function: Callable[[Any], Any], x: Array) -> Any:
+    """Return the value of a user's function at a state x (n,); refuse one that raises an error."""
     if not callable(function):
         raise InvalidInputError(f"{name}: got {shown(function)}, expected a function of x (n,)")
     try:
         return function(x.copy())
-    except Exception as error:  # whatever a user's function raises
+    except Exception as error:  # a user's function may raise anything
         raise InvalidInputError(
             f"{name}: got {type(error).__name__}: {error} at x = {shown(x.tolist())}, expected "
             "numbers"

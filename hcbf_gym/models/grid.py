@@ -11,8 +11,7 @@ from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, reals
 from hcbf_gym.models.constants import ON_EARTH
 
 LARGEST = 25_000_000
-"""Most cells of a map: a building of 250 m at 5 cm."""
-
+"""The greatest number of cells of a map: a building of 250 m at 5 cm."""
 FINEST, COARSEST = 1e-3, 100.0
 """The smallest and the largest side of a cell [m]."""
 
@@ -26,7 +25,7 @@ class Grid:
 
     Args:
         resolution: side of a cell [m].
-        origin: of the lower left corner of cell (0, 0): x [m], y [m] and yaw [rad].
+        origin: pose of the lower left corner of cell (0, 0): x [m], y [m] and yaw [rad].
         shape: rows and columns.
 
     Raises:
@@ -52,7 +51,7 @@ class Grid:
 
     @cached_property
     def axes(self) -> Array:
-        """(2, 2) whose columns are the grid's own x and y axes in the world."""
+        """The grid's own x and y axes in the world, the columns of (2, 2)."""
         cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
         return np.array([[cos, -sin], [sin, cos]])
 
@@ -68,13 +67,13 @@ class Grid:
 
     @cached_property
     def corners(self) -> Array:
-        """(4, 2) corners of the whole grid, counter-clockwise [m]."""
+        """The corners (4, 2) of the whole grid, counter-clockwise [m]."""
         rows, columns = self.shape
         return self.to_world([[0, 0], [columns, 0], [columns, rows], [0, rows]])
 
 
 def _pairs(name: str, values: ArrayLike) -> Array:
-    """Return (…, 2) real numbers."""
+    """Return real numbers of the shape (…, 2); refuse other shapes."""
     pairs = reals(name, values)
     if pairs.shape[-1:] != (2,):
         raise InvalidInputError(f"{name}: got shape {pairs.shape}, expected (N, 2)")
@@ -82,10 +81,10 @@ def _pairs(name: str, values: ArrayLike) -> Array:
 
 
 def checked_shape(shape: object) -> tuple[int, int]:
-    """Return rows and columns of a map.
+    """Return the numbers of rows and columns of a map.
 
     Raises:
-        InvalidInputError: if they are no two positive integers, or make too many cells.
+        InvalidInputError: if these are not two positive integers, or there are too many cells.
     """
     numbers = tuple(shape) if isinstance(shape, tuple | list) else ()
     if len(numbers) != 2 or any(

@@ -1,4 +1,4 @@
-"""Input sets U: convex polytopes that contain the braking action u = 0."""
+"""Input sets U: convex polytopes that contain u = 0, with which a plant brakes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -76,21 +76,21 @@ class Box:
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
         """Return whether u (n_u,) is in the set, or at most `tolerance` outside a limit."""
         tolerance = finite_float("tolerance", tolerance)
-        inside = _entries("u", u, self.n_u).tolist()
-        limits = zip(inside, self.low.tolist(), self.high.tolist(), strict=True)
+        entries = _entries("u", u, self.n_u).tolist()
+        limits = zip(entries, self.low.tolist(), self.high.tolist(), strict=True)
         return all(low - tolerance <= x <= high + tolerance for x, low, high in limits)
 
     def support(self, a: Array) -> float:
-        """Return the most that an input of the set gives of a·u, a (n_u,)."""
+        """Return the largest a·u of an input u of the set, for a (n_u,)."""
         a = _entries("a", a, self.n_u)
         return float(np.maximum(a * self.low, a * self.high).sum())
 
     def project(self, u: ArrayLike) -> Array:
-        """Return the point of the set that is nearest to u (n_u,); of many u (…, n_u) each."""
-        wanted = reals("u", u)
-        if wanted.shape[-1:] != (self.n_u,):
-            raise InvalidInputError(f"u: got shape {wanted.shape}, expected (…, {self.n_u})")
-        return np.minimum(np.maximum(wanted, self.low), self.high)
+        """Return the nearest point of the set to u (n_u,), or to each of many u (…, n_u)."""
+        points = reals("u", u)
+        if points.shape[-1:] != (self.n_u,):
+            raise InvalidInputError(f"u: got shape {points.shape}, expected (…, {self.n_u})")
+        return np.minimum(np.maximum(points, self.low), self.high)
 
     def vertices(self) -> Array:
         """Return the corners (2^n_u, n_u); in the plane, counter-clockwise."""
@@ -114,8 +114,8 @@ class Box:
 class Ball:
     """The disc ``‖u‖ ≤ radius`` in the plane, as the regular polygon inscribed in it.
 
-    The polygon is an inner approximation: every input that it allows lies in the disc, and it
-    gives away at most ``radius (1 − cos(π / sides))`` (1.9 % for 16 sides).
+    The polygon is an inner approximation: every input in it is in the disc. Its sides are at most
+    ``radius (1 − cos(π / sides))`` inside of the circle (1.9 % of the radius for 16 sides).
 
     Args:
         radius: the disc's radius, above 0.
@@ -145,15 +145,16 @@ class Ball:
 
     def halfspaces(self) -> tuple[Array, Array]:
         """Return A (sides, 2) and b (sides,) with ``U = {u : A u ≥ b}`` and unit rows."""
-        inward, below = self._halfspaces
-        return inward.copy(), below.copy()
+        normals, offsets = self._halfspaces
+        return normals.copy(), offsets.copy()
 
     @cached_property
     def _halfspaces(self) -> tuple[Array, Array]:
+        """A, the inward normals of the sides, and b of `halfspaces`."""
         angle = 2.0 * np.pi * (np.arange(self.sides) + 0.5) / self.sides
-        inward = -np.column_stack((np.cos(angle), np.sin(angle)))
-        below = np.full(self.sides, -self.radius * np.cos(np.pi / self.sides))
-        return inward, below
+        normals = -np.column_stack((np.cos(angle), np.sin(angle)))
+        offsets = np.full(self.sides, -self.radius * np.cos(np.pi / self.sides))
+        return normals, offsets
 
     def contains(self, u: ArrayLike, tolerance: float = 1e-9) -> bool:
         """Return whether u (2,) is in the polygon, or at most `tolerance` outside a side."""
@@ -162,7 +163,7 @@ class Ball:
         return bool((a @ _entries("u", u, 2) >= b - tolerance).all())
 
     def support(self, a: Array) -> float:
-        """Return the most that an input of the polygon gives of a·u, a (2,)."""
+        """Return the largest a·u of an input u of the polygon, for a (2,)."""
         return float((self.vertices() @ _entries("a", a, 2)).max())
 
     def project(self, u: ArrayLike) -> Array:
@@ -170,10 +171,10 @@ class Ball:
         point = _entries("u", u, 2)
         if self.contains(point, 0.0):
             return point
-        start = self.vertices()
-        side = np.roll(start, -1, axis=0) - start
-        along = np.sum((point - start) * side, axis=1) / np.sum(side**2, axis=1)
-        nearest = start + np.clip(along, 0.0, 1.0)[:, None] * side
+        starts = self.vertices()
+        sides = np.roll(starts, -1, axis=0) - starts
+        shares = np.sum((point - starts) * sides, axis=1) / np.sum(sides**2, axis=1)
+        nearest = starts + np.clip(shares, 0.0, 1.0)[:, None] * sides  # on each of the sides
         return nearest[np.argmin(np.sum((nearest - point) ** 2, axis=1))]
 
     def scaled(self, factor: float) -> "Ball":
@@ -194,14 +195,14 @@ def read(name: str, value: Any) -> InputSet:
 
     Args:
         name: the argument's name, for the message.
-        value: an input set, or what has `low`, `high` and `dtype` as a `gymnasium.spaces.Box`.
+        value: an input set, or a space with `low`, `high` and `dtype` as `gymnasium.spaces.Box`.
 
     Raises:
-        InvalidInputError: if it is neither, or of a type that holds no u, such as integers.
+        InvalidInputError: if it is neither, or a space of other numbers than floats.
     """
     if isinstance(value, Box | Ball):
         return value
-    low, high, dtype = (getattr(value, part, None) for part in ("low", "high", "dtype"))
+    low, high, dtype = (getattr(value, name, None) for name in ("low", "high", "dtype"))
     if low is None or high is None or not isinstance(dtype, np.dtype) or dtype.char not in "fd":
         raise InvalidInputError(
             f"{name}: got {shown(value)}, expected a Box or a Ball of hcbf_gym.models, or a "

@@ -1,4 +1,4 @@
-"""What a safety filter must know of an environment, in one record."""
+"""The record of all that a safety filter has to know of an environment."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,13 +23,15 @@ from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 Reader = Callable[[Any, Any, Info], Any]
+"""A function of the unwrapped environment, the latest observation and the latest info."""
 
 
 class Coverage(IntEnum):
     """Whether the promise was tested for a plant and a scene; see ``docs/guarantees.md``.
 
-    OUTSIDE: the plant's or the filter's arguments are none of those that were tested. COVERED: they
-    were, and so was the family of the scene. SCENE: the plant was tested, but not in such scenes.
+    OUTSIDE: an argument of the plant or the filter is outside of the tested ranges. COVERED: all
+    arguments are within, and the family of the scene was tested. SCENE: all arguments are within,
+    but the family of the scene was not tested.
     """
 
     OUTSIDE = 0
@@ -40,12 +42,12 @@ class Coverage(IntEnum):
 class CoveredBy(IntEnum):
     """Why `covered` is not 1; 0 where it is.
 
-    UNKNOWN: no certificate is of the plant. ARGUMENT: an argument of the environment leaves what
-    was tested. VERSION: this is a development version, or another one than was tested. CERTIFICATE:
-    the certificate that the filter was given is of another plant. PLANT: the filter's plant is not
-    the environment's. FILTER: an argument of the filter leaves what was tested. INPUTS: U cannot do
-    what rows, regions and the speed limit request. SCENE: the family of the scene was not tested.
-    CHANGED: the scene changed within the episode.
+    UNKNOWN: the plant has no certificate. ARGUMENT: an argument of the environment is outside of
+    the tested ranges. VERSION: this is a development version, or one that was not tested.
+    CERTIFICATE: the filter's certificate is of another plant. PLANT: the filter's plant is not the
+    environment's. FILTER: an argument of the filter is outside of the tested ranges. INPUTS: U
+    lacks inputs that rows, regions and the speed limit require. SCENE: the family of the scene was
+    not tested. CHANGED: the scene changed within the episode.
     """
 
     NONE = 0
@@ -61,20 +63,20 @@ class CoveredBy(IntEnum):
 
 
 class Estimate(NamedTuple):
-    """What is known of the plant at one instant; of N plants with a leading axis.
+    """The estimate of a plant's state at one instant. Estimates of N plants have a leading axis.
 
     Attributes:
         x: (n,) state of the reduced-order model, as the rows read it.
-        time: since the reset [s]; None lets the filter count its own steps.
-        covariance: (n, n) of x; None where x is the truth.
-        model: (n,) the reduced-order model's own state; None where x is that.
-        lag: (n,) the body's state minus the reduced-order model's; None where they are one.
-        heading: of the body [rad]; None where it has none.
-        age: how long ago this was true [s]; None where it is so now, infinite where it is missing.
-        elapsed: since the sample before [s]; None takes the plant's period. Of models other than
-            the planar double integrator a sample after another time is not compared with the one
-            before.
-        fault: an alarm of the plant's own, a `Reason` from `INPUT` on; None or 0 for none.
+        time: the time since the reset [s]; None lets the filter count its own steps.
+        covariance: (n, n) the covariance of x; None where x is the true state.
+        model: (n,) the state of the reduced-order model itself; None where x is that state.
+        lag: (n,) the body's state minus the reduced-order model's; None where they are the same.
+        heading: the heading of the body [rad]; None where it has none.
+        age: the age of the measurement [s]; None where it is new, infinite where it is missing.
+        elapsed: the time since the sample before [s]; None takes the plant's period. For models
+            other than the planar double integrator, a sample after a time that is not the period is
+            not compared with the one before.
+        fault: an alarm that the plant itself raises, a `Reason` from `INPUT` on; None or 0 if none.
     """
 
     x: Array
@@ -89,21 +91,21 @@ class Estimate(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """What a plant does beside its reduced-order model: what the derived margin follows from.
+    """The deviations of a plant from its reduced-order model, from which margins are derived.
 
-    `docs/guarantees.md` has the formula of these numbers, for every model. A filter refuses
-    `per_velocity` of a model whose velocity is the input, and what a speed limit reserves of a
-    model without one.
+    `docs/guarantees.md` has the formula for every model. A filter refuses `per_velocity` of a model
+    whose velocity is the input, and the reserves of a speed limit of a model without velocity.
 
     Attributes:
-        distance: what rows on the position reserve in any case [m].
-        per_velocity: for each m/s that the body moves faster towards a region than its model [s].
-        per_lead: for each metre that the model runs ahead of the body [-].
-        cap: the most that these two add [m].
-        confidence: standard deviations of the estimated state that are reserved [-].
-        body: what the body reaches beyond its centre [m].
-        speed: what a speed limit reserves in any case [m/s].
-        speed_per_velocity: for each m/s between body and model [-].
+        distance: the constant reserve of rows on the position [m].
+        per_velocity: the reserve for each m/s that the body approaches a region faster than the
+            model [s].
+        per_lead: the reserve for each metre that the model is ahead of the body [-].
+        cap: the greatest sum of the two reserves before [m].
+        confidence: the number of standard deviations of the estimate that are reserved [-].
+        body: the radius of the body around its centre [m].
+        speed: the constant reserve of a speed limit [m/s].
+        speed_per_velocity: its reserve for each m/s between the body and the model [-].
     """
 
     distance: float = 0.0
@@ -117,44 +119,44 @@ class Uncertainty(NamedTuple):
 
 
 CAUTIOUS = 2.0
-"""Gain of a plant that may lag behind its model or be pushed [1/s]."""
+"""The gain for a plant that may lag behind its model or be pushed [1/s]."""
 EXACT = Uncertainty()
-"""Of a plant that is its model."""
+"""The uncertainty of a plant that moves exactly as its model."""
 
 ON_ALARM = {"warn": False, "brake": True}
-"""What an alarm leads to, and whether that is braking."""
+"""Reaction to an alarm → whether the plant brakes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
     """The reduced-order model behind an environment, and how to read and drive it.
 
-    Readers are functions of the unwrapped environment, the latest observation and the latest info.
-    All are read at every step, goal and extent where guidance leads; that of `declared` where a
-    certificate is compared. An error at the first reset is raised; later the plant brakes.
-    Positions may be those of a survey, such as UTM's: where a plant starts far away, they count
-    from there. What a vector's infos do not report is NaN for its readers.
+    A field may be a `Reader`. Readers are called at every step; those of goal and extent only with
+    guidance, and that of `declared` only if a certificate is compared. An error of a reader at the
+    first reset is raised; at a later step the plant brakes. Positions may be those of a survey,
+    such as UTM's: if a plant starts far from the origin, they count from its start. Entries that a
+    vector's infos do not have are NaN for its readers.
 
     Args:
         model: ẋ = f(x) + g(x)u.
         barriers: the ranked conditions: a sequence, or a reader that returns one at every step, for
-            obstacles that move or are sensed; of N plants one sequence for all, or N. A shape
-            counts from the time at which its object was first returned since the reset.
+            obstacles that move or are sensed; for N plants one sequence for all, or N. The time of
+            a moving shape begins when its object is first returned since the reset.
         state: a reader that returns x (n,), or an `Estimate`.
         input_set: U; None means the environment's action space, which must then be a bounded Box.
         to_action: u (n_u,) → the environment's action; None where they are the same.
         from_action: the environment's action → u (n_u,); None where they are the same.
-        period: how long an action is held [s]; None where it is not known, which excludes rows for
-            a held input.
-        goal: (2,) where guidance leads [m], or a reader of it; None where none is known. The field
-            of one that moves is computed anew when it has moved by more than a cell. Where no path
+        period: the time for which an action is held [s]; None where it is not known, which excludes
+            rows for a held input.
+        goal: (2,) the point to which guidance leads [m], or a reader of it; None where none is
+            known. When it has moved by more than a cell, its field is computed anew. Where no path
             leads there, the plant brakes with the reason GOAL.
         extent: ((x_min, y_min), (x_max, y_max)) of the world [m], or a reader of it; None lets
             guidance take it from barriers, state and goal.
-        uncertainty: how far the plant may be from its model; the default is an exact model.
+        uncertainty: how far the plant may deviate from its model; the default is an exact model.
         gain: slope of α₂ and of α of speed limits unless the filter is given them, at most 0.5/T
-            [1/s]. 10 changes the input less, and suits a plant that moves as its model; 2 leaves
-            one that lags or is pushed the time to brake. `docs/rows.md` has the table.
+            [1/s]. 10 changes the input less, and suits a plant that moves as its model. 2 gives a
+            plant that lags or is pushed the time to brake. `docs/rows.md` has the table.
         brake: u (n_u,) that brings the plant to rest, or a function of its state x (n,) that
             returns it; None takes the model's own, `ReducedOrderModel.brake`. The filter applies
             it where no state is valid, and after an alarm that makes it brake.
@@ -162,14 +164,14 @@ class Plant:
         on_alarm: "warn" warns once, "brake" brings the plant to rest until the next reset.
         covered: a `Coverage`, a `certificates.Judged` with its reasons, or a reader of either.
             Within an episode it may end, and not begin.
-        axle: what limits a differential drive, whose x is that of the point before its axle, at
-            ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
-        braking: deceleration with which the body stops from its greatest speed, by how much later
-            it follows than its model counted in [m/s²]; None takes what U can do.
-        fastest: the greatest speed that anything brings it to, where no speed limit stands [m/s];
-            None where none is known.
-        declared: a mapping, or a reader of it, of what identifies this plant beside its fields;
-            certificates compare both. None compares the fields alone.
+        axle: the limits of a differential drive, whose x is that of the point ahead of its axle,
+            with ``model=DoubleIntegrator()``; its estimates have a `heading`. None for all others.
+        braking: deceleration with which the body stops from its greatest speed, its delay behind
+            the model included [m/s²]; None takes the deceleration that U allows.
+        fastest: the greatest speed that the plant can reach without a speed limit [m/s]; None where
+            it is not known.
+        declared: name → value of all that identifies this plant besides its fields, or a reader of
+            it; certificates compare both. None compares the fields alone.
 
     Raises:
         InvalidInputError: if only one of `to_action` and `from_action` is given, `state` cannot be
@@ -219,11 +221,11 @@ class Plant:
                 finite_float(f"plant: {name}", given, minimum=0.0, exclusive=name != "max_age")
         if self.brake is not None and not callable(self.brake):
             finite_array("plant: brake", self.brake, (self.model.n_u,))
-        for name, axes in (("goal", (2,)), ("extent", (2, 2))):  # of one plant, or of N
+        for name, shape in (("goal", (2,)), ("extent", (2, 2))):
             given = getattr(self, name)
             if given is not None and not callable(given):
-                shape = axes if reals(f"plant: {name}", given).ndim <= len(axes) else (None, *axes)
-                finite_array(f"plant: {name}", given, shape)
+                is_of_one = reals(f"plant: {name}", given).ndim <= len(shape)
+                finite_array(f"plant: {name}", given, shape if is_of_one else (None, *shape))
         choose("on_alarm", self.on_alarm, ON_ALARM)
         if self.axle is not None:
             instance("plant: axle", self.axle, Axle).checked()
@@ -247,5 +249,5 @@ class Plant:
 
 
 def read(source: Any, env: Any, observation: Any, info: Info) -> Any:
-    """Return what a field of a plant is now: the value itself, or what its reader returns."""
+    """Return the present value of a plant's field: the value itself, or its reader's result."""
     return source(env, observation, info) if callable(source) else source

@@ -1,4 +1,4 @@
-"""Reduced-order models ẋ = f(x) + g(x)u: what a model is, and the point-mass models.
+"""Reduced-order models ẋ = f(x) + g(x)u: their base classes, and the point-mass models.
 
 The planar models' states start with the position (x, y). A model's f and g take NumPy arrays, and
 JAX arrays while `barriers.Function` differentiates through them.
@@ -22,8 +22,8 @@ class ReducedOrderModel(ABC):
     Attributes:
         n: the number of states.
         n_u: the number of inputs.
-        velocity_at: where the planar velocity that a speed limit reads starts in x; None where x
-            holds none.
+        velocity_at: the index in x at which the planar velocity begins, which speed limits read;
+            None if x has no such velocity.
 
     Source: equation (1) of the paper.
     """
@@ -34,7 +34,7 @@ class ReducedOrderModel(ABC):
 
     @property
     def n_p(self) -> int:
-        """How many states, from the first on, are the position."""
+        """The number of position coordinates, which are the first states."""
         return min(2, self.n)
 
     @abstractmethod
@@ -49,7 +49,7 @@ class ReducedOrderModel(ABC):
         """Return f (n,) and g (n, n_u) at x (n,), as compiled code reads them.
 
         Raises:
-            InvalidInputError: if they are of other shapes.
+            InvalidInputError: if f or g has another shape.
         """
         f = np.ascontiguousarray(self.f(x), dtype=np.float64)
         g = np.ascontiguousarray(self.g(x), dtype=np.float64)
@@ -61,8 +61,8 @@ class ReducedOrderModel(ABC):
         return f, g
 
     def f_jacobian(self, x: Array) -> Array:
-        """Return (n, n) ∂f/∂x, by central differences unless a model has its own."""
-        sizes = 6e-6 * (1.0 + np.abs(x))
+        """Return (n, n) ∂f/∂x, by central differences unless a model overrides this."""
+        sizes = 6e-6 * (1.0 + np.abs(x))  # ∛ε: truncation and rounding errors are alike
         steps = np.diag(sizes)
         ahead = np.array([self.f(state) for state in x + steps])
         behind = np.array([self.f(state) for state in x - steps])
@@ -91,21 +91,21 @@ class ReducedOrderModel(ABC):
 
     def terms_of(self, x: Array) -> tuple[Array, Array]:
         """Return f (N, n) and g (N, n, n_u) at N states x (N, n); see `terms`."""
-        each = [self.terms(state) for state in x]
-        return np.array([f for f, _ in each]), np.array([g for _, g in each])
+        terms = [self.terms(state) for state in x]
+        return np.array([f for f, _ in terms]), np.array([g for _, g in terms])
 
     def jacobians_of(self, x: Array) -> Array:
         """Return ∂f/∂x (N, n, n) at N states x (N, n).
 
         Raises:
-            InvalidInputError: if they are no finite numbers of that shape.
+            InvalidInputError: if they are not finite, or have another shape.
         """
         jacobians = np.array([self.f_jacobian(state) for state in x])
         return finite_array("∂f/∂x", jacobians, (len(x), self.n, self.n))
 
     def steps_of(self, x: Array, u: Array, dt: float) -> Array:
         """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
-        return np.array([self.step(*each, dt) for each in zip(x, u, strict=True)])
+        return np.array([self.step(state, held, dt) for state, held in zip(x, u, strict=True)])
 
     def brakes_of(self, x: Array, dt: float) -> Array:
         """Return (N, n_u) the inputs that bring N states x (N, n) to rest; see `brake`."""
@@ -115,24 +115,24 @@ class ReducedOrderModel(ABC):
 
 
 class BuiltIn(ReducedOrderModel):
-    """A model that the core evaluates; a class derived from one is evaluated by its own methods."""
+    """A model that the core evaluates; the methods of a user's subclass evaluate that."""
 
     @abstractmethod
     def _make_core(self) -> _core.Model:
-        """Return the model of the core."""
+        """Return the core's object of the model."""
 
     @abstractmethod
     def _traced(self, x: Any) -> tuple[Any, Any]:
-        """Return f and g while JAX traces them."""
+        """Return f and g of a JAX array that is traced."""
 
     @cached_property
     def core(self) -> _core.Model:
-        """The model of the core."""
+        """The core's object of the model, which is made when it is first used."""
         return self._make_core()
 
     @property
     def is_own(self) -> bool:
-        """Whether the class is built in itself."""
+        """Whether the class itself is built in, not a user's subclass of one."""
         return BuiltIn in type(self).__bases__
 
     def __getstate__(self) -> dict[str, object]:
@@ -201,7 +201,7 @@ class SingleIntegrator(BuiltIn):
 
     @property
     def n_p(self) -> int:
-        """How many states are the position: all."""
+        """The number of position coordinates: all states."""
         return self.n
 
     def _make_core(self) -> _core.Model:
@@ -237,7 +237,7 @@ class DoubleIntegrator(BuiltIn):
 
     @property
     def n_p(self) -> int:
-        """How many states, from the first on, are the position."""
+        """The number of position coordinates, which are the first states."""
         return self.n_u
 
     def _make_core(self) -> _core.Model:

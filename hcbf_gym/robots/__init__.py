@@ -1,1 +1,1 @@
-"""The Unitree A1, and other robots with its joints."""
+"""Legged robots with the joints of the Unitree A1, read from MJCF files."""

@@ -1,4 +1,4 @@
-"""What a robot is, read by rule from its MJCF file: no number of the A1's is assumed of another."""
+"""A robot's data for the controller, all read from its MJCF file without numbers of the A1."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +11,9 @@ from hcbf_gym.errors import RobotModelError
 from hcbf_gym.models.constants import GRAVITY
 from hcbf_gym.robots import a1
 
-CLEARANCE = 0.001  # between soles and ground where the home pose's height is solved [m]
-
-_DEFAULT_LEG = (0.0, 0.9, -1.8)  # [rad] abad, hip and knee where a file has no home pose
+CLEARANCE = 0.001  # the distance between soles and ground in the home pose [m]
+_DEFAULT_LEG = (0.0, 0.9, -1.8)  # abad, hip and knee in the home pose, if the file has none [rad]
+_FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class Quadruped:
     """A trunk with four abad–hip–knee legs, joints ordered as in `a1.JOINTS`.
 
     Attributes:
-        xml_file: where it was read from.
-        calf: knee to the centre of the foot's sphere [m].
-        foot_radius: of that sphere [m].
-        stall_torque: (12,) what the joints' motors give at rest [N·m].
-        no_load_speed: (12,) at which they give nothing [rad/s]; infinite where the file has no
-            ``<custom><numeric name="no_load_speed"/>``.
-        home_joints: (12,) of the key "home", or 0, 0.9 and −1.8 on each leg [rad].
-        home_height: of the trunk's origin above flat ground at home, soles clear of it [m].
+        xml_file: the file that it was read from.
+        calf: distance from the knee to the centre of the foot's sphere [m].
+        foot_radius: radius of that sphere [m].
+        stall_torque: (12,) torques of the joints' motors at rest [N·m].
+        no_load_speed: (12,) speeds at which these torques are zero [rad/s]; infinite where the file
+            has no ``<custom><numeric name="no_load_speed"/>``.
+        home_joints: (12,) angles of the key "home", or 0, 0.9 and −1.8 on each leg [rad].
+        home_height: height of the trunk's origin above flat ground in the home pose [m].
     """
 
     xml_file: Path
@@ -56,10 +56,10 @@ def load_spec(xml_file: str | Path) -> mujoco.MjSpec:
 
 
 def compile_spec(spec: mujoco.MjSpec, source: str | Path) -> mujoco.MjModel:
-    """Return the compiled model.
+    """Return the compiled model of a file, which messages call `source`.
 
     Raises:
-        RobotModelError: if MuJoCo refuses it: a missing mesh, a mass that is none, …
+        RobotModelError: if MuJoCo refuses it, because of a missing mesh, an invalid mass, …
     """
     try:
         return spec.compile()
@@ -68,11 +68,11 @@ def compile_spec(spec: mujoco.MjSpec, source: str | Path) -> mujoco.MjModel:
 
 
 def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
-    """Read a robot by rule and check that the controller can drive it.
+    """Read a robot, and check that the controller can drive it.
 
-    Legs are found by the names of `a1.JOINTS`; the foot is the lowest sphere of a calf; a torque
-    limit is the actuator's force range, else the joint's ``actuatorfrcrange``, else the control
-    range of a motor.
+    Its joints have the names `a1.JOINTS`. The foot is the lowest sphere of a calf. A torque limit
+    is the actuator's force range, else the joint's ``actuatorfrcrange``, else the control range of
+    a motor.
 
     Args:
         xml_file: MJCF of the robot alone.
@@ -97,27 +97,28 @@ def read_robot(xml_file: str | Path = a1.XML_FILE) -> Quadruped:
 
 
 def check_alone(what: str, model: mujoco.MjModel, trunk: str) -> None:
-    """Refuse a file, named `what`, with bodies or geoms besides the robot by a RobotModelError."""
-    alone = model.body_rootid == model.body(trunk).id
-    strangers = [model.body(i).name for i in np.flatnonzero(~alone[1:]) + 1]
-    ground = int((model.geom_bodyid == 0).sum())
-    if strangers or ground:
+    """Refuse a file, named `what` in the message, with bodies or geoms besides the robot."""
+    is_of_robot = model.body_rootid == model.body(trunk).id
+    is_of_robot[0] = True  # the world has no name to report
+    others = [model.body(i).name for i in np.flatnonzero(~is_of_robot)]
+    world_geoms = int((model.geom_bodyid == 0).sum())
+    if others or world_geoms:
         raise RobotModelError(
-            f"{what}: got {ground} geom(s) in the world and the bodies {strangers} besides the "
+            f"{what}: got {world_geoms} geom(s) in the world and the bodies {others} besides the "
             "robot, expected the robot alone: the simulation adds floor and obstacles"
         )
 
 
 def actuator_limit(model: mujoco.MjModel, actuator: int) -> float:
-    """Return what an actuator gives at most [N·m]; infinite where it has no limit.
+    """Return an actuator's greatest torque [N·m]; infinite where it has no limit.
 
-    It is its force range, else the control range of a motor.
+    The limit is its force range, else the control range of a motor.
     """
     gear = abs(model.actuator_gear[actuator, 0])
     if model.actuator_forcelimited[actuator]:
         return float(gear * np.abs(model.actuator_forcerange[actuator]).min())
-    motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-    if motor and model.actuator_ctrllimited[actuator]:
+    is_motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+    if is_motor and model.actuator_ctrllimited[actuator]:
         gain = abs(model.actuator_gainprm[actuator, 0])
         return float(gear * gain * np.abs(model.actuator_ctrlrange[actuator]).min())
     return np.inf
@@ -129,24 +130,28 @@ def foot_name(leg: str) -> str:
 
 
 def _check_tree(model: mujoco.MjModel) -> None:
+    """Refuse other joints than a free trunk with four abad–hip–knee legs."""
     names = [model.joint(i).name for i in range(model.njnt)]
-    hinges = [n for n, t in zip(names, model.jnt_type, strict=True) if t == 3]
-    if hinges != list(a1.JOINTS) or len(names) != 13 or (model.jnt_type == 0).sum() != 1:
+    hinges = [name for name, kind in zip(names, model.jnt_type, strict=True) if kind == _HINGE]
+    others = len(names) - len(hinges)
+    if hinges != list(a1.JOINTS) or others != 1 or (model.jnt_type == _FREE).sum() != 1:
         raise RobotModelError(
-            f"xml_file: got {len(names) - len(hinges)} joint(s) besides the hinges {hinges}, "
+            f"xml_file: got {others} joint(s) besides the hinges {hinges}, "
             f"expected one free joint and the hinges {list(a1.JOINTS)}"
         )
     bodies = [model.body(i).name for i in range(model.nbody)]
     if a1.TRUNK not in bodies:
         raise RobotModelError(f"xml_file: got the bodies {bodies}, expected one named {a1.TRUNK!r}")
-    free = model.jnt_bodyid[model.jnt_type == 0][0]
-    if bodies[free] != a1.TRUNK or model.body_parentid[free] != 0:
+    free_body = model.jnt_bodyid[model.jnt_type == _FREE][0]
+    if bodies[free_body] != a1.TRUNK or model.body_parentid[free_body] != 0:
         raise RobotModelError(
-            f"xml_file: got the free joint in body {bodies[free]!r}, expected it in {a1.TRUNK!r}, "
-            "a child of the world"
+            f"xml_file: got the free joint in body {bodies[free_body]!r}, expected it in "
+            f"{a1.TRUNK!r}, a child of the world"
         )
-    parents = [names[model.body_jntadr[model.body_parentid[b]]] for b in model.jnt_bodyid[1:]]
-    expected = [names[0] if i % 3 == 0 else a1.JOINTS[i - 1] for i in range(12)]
+    hinge_bodies = model.jnt_bodyid[1:]  # MuJoCo numbers the free joint first, as its body is
+    parents = [names[model.body_jntadr[model.body_parentid[body]]] for body in hinge_bodies]
+    free_joint = names[0]
+    expected = [free_joint if i % 3 == 0 else a1.JOINTS[i - 1] for i in range(12)]
     if parents != expected:
         raise RobotModelError(
             f"xml_file: got joints that hang from {parents}, expected each leg's hip at the trunk, "
@@ -155,7 +160,7 @@ def _check_tree(model: mujoco.MjModel) -> None:
 
 
 def _check_plausible(model: mujoco.MjModel) -> None:
-    """Refuse what would silently turn the simulation into something else than a robot walking."""
+    """Refuse options of a file that would silently change the simulation of a walking robot."""
     check_alone("xml_file", model, a1.TRUNK)
     if not np.allclose(model.opt.gravity, (0.0, 0.0, -GRAVITY)):
         raise RobotModelError(
@@ -171,17 +176,16 @@ def _check_plausible(model: mujoco.MjModel) -> None:
         raise RobotModelError(
             f"xml_file: got density, viscosity and wind {medium}, expected still thin air: zeros"
         )
+    # name → values, and those of them that have to be zero
     losses = {
-        "damping": model.dof_damping,
-        "frictionloss": model.dof_frictionloss,
-        "armature": model.dof_armature,
-        "stiffness": model.jnt_stiffness,
-        "mass": model.body_mass,
+        "damping": (model.dof_damping, model.dof_damping[:6]),
+        "frictionloss": (model.dof_frictionloss, model.dof_frictionloss[:6]),
+        "armature": (model.dof_armature, model.dof_armature[:6]),
+        "stiffness": (model.jnt_stiffness, model.jnt_stiffness),
+        "mass": (model.body_mass, ()),
     }
-    for name, values in losses.items():
-        free = name != "mass" and np.any(values[: 6 if name != "stiffness" else 1])
-        springs = name == "stiffness" and np.any(values)
-        if not np.isfinite(values).all() or (values < 0.0).any() or free or springs:
+    for name, (values, zeros) in losses.items():
+        if not np.isfinite(values).all() or (values < 0.0).any() or np.any(zeros):
             raise RobotModelError(
                 f"xml_file: got {name} {values.tolist()}, expected finite numbers not below 0, "
                 "and neither losses of the free joint nor springs"
@@ -189,6 +193,7 @@ def _check_plausible(model: mujoco.MjModel) -> None:
 
 
 def _foot_geom(model: mujoco.MjModel, leg: str) -> int:
+    """Return the geom of a leg's foot, the lowest sphere of its calf that collides."""
     calf = model.jnt_bodyid[model.joint(f"{leg}_calf_joint").id]
     on_calf = (model.geom_bodyid == calf) & (model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
     spheres = np.flatnonzero(on_calf & (model.geom_contype > 0))
@@ -201,12 +206,12 @@ def _foot_geom(model: mujoco.MjModel, leg: str) -> int:
 
 
 def _foot(model: mujoco.MjModel, feet: list[int]) -> tuple[float, float]:
-    """Return the calf's length and the foot's radius [m]."""
+    """Return the calf's length and the foot's radius [m], which all legs have to share."""
     places = model.geom_pos[feet]
     radii = model.geom_size[feet, 0]
-    straight = np.allclose(places[:, :2], 0.0, atol=1e-4) and (places[:, 2] < 0.0).all()
-    equal = np.allclose(places[:, 2], places[0, 2]) and np.allclose(radii, radii[0])
-    if not (straight and equal):
+    are_below_knees = np.allclose(places[:, :2], 0.0, atol=1e-4) and (places[:, 2] < 0.0).all()
+    are_equal = np.allclose(places[:, 2], places[0, 2]) and np.allclose(radii, radii[0])
+    if not (are_below_knees and are_equal):
         raise RobotModelError(
             f"xml_file: got feet at {places.tolist()} in the calf's axes and of radii "
             f"{radii.tolist()} m, expected all alike and straight below the knee"
@@ -215,13 +220,12 @@ def _foot(model: mujoco.MjModel, feet: list[int]) -> tuple[float, float]:
 
 
 def _stall_torque(model: mujoco.MjModel) -> Array:
+    """Return the torque limits (12,) of the joints [N·m]."""
     limits = np.full(12, np.nan)
     for index, name in enumerate(a1.JOINTS):
         joint = model.joint(name).id
-        driven = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
-            model.actuator_trnid[:, 0] == joint
-        )
-        for actuator in np.flatnonzero(driven):
+        acts_on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+        for actuator in np.flatnonzero(acts_on_joint & (model.actuator_trnid[:, 0] == joint)):
             limits[index] = actuator_limit(model, int(actuator))
             if model.jnt_actfrclimited[joint] and not model.actuator_forcelimited[actuator]:
                 limits[index] = np.abs(model.jnt_actfrcrange[joint]).min()
@@ -235,6 +239,7 @@ def _stall_torque(model: mujoco.MjModel) -> Array:
 
 
 def _no_load_speed(model: mujoco.MjModel) -> Array:
+    """Return the no-load speeds (12,) of the joints [rad/s], infinite if the file has none."""
     names = [model.numeric(i).name for i in range(model.nnumeric)]
     if "no_load_speed" not in names:
         return np.full(12, np.inf)
@@ -248,7 +253,7 @@ def _no_load_speed(model: mujoco.MjModel) -> Array:
 
 
 def _home(model: mujoco.MjModel) -> tuple[Array, float]:
-    """Return the joints of the home pose [rad] and the height that its key gives, else 0 [m]."""
+    """Return the joints (12,) [rad] and the height of the key "home", or the default and 0 [m]."""
     joints = np.tile(_DEFAULT_LEG, 4)
     height = 0.0
     if "home" in [model.key(i).name for i in range(model.nkey)]:
@@ -256,9 +261,9 @@ def _home(model: mujoco.MjModel) -> tuple[Array, float]:
         height = float(qpos[2])
         joints = np.array(qpos[7:19])
     low, high = model.jnt_range[1:].T
-    limited = model.jnt_limited[1:] > 0
-    outside = limited & ((joints < low) | (joints > high))
-    if not np.isfinite(joints).all() or outside.any():
+    is_limited = model.jnt_limited[1:] > 0
+    is_outside = is_limited & ((joints < low) | (joints > high))
+    if not np.isfinite(joints).all() or is_outside.any():
         raise RobotModelError(
             f"xml_file: got the home joints {joints.tolist()}, expected them within the ranges "
             f"{model.jnt_range[1:].tolist()}"
@@ -278,12 +283,12 @@ def _standing_height(model: mujoco.MjModel, joints: Array, feet: list[int]) -> f
 def _check_strength(model: mujoco.MjModel, robot: Quadruped) -> None:
     """Refuse a robot whose knees could not carry it on two legs in its home pose."""
     weight = GRAVITY * float(model.body_subtreemass[model.body(a1.TRUNK).id])
-    legs = robot.home_joints.reshape(4, 3)
-    lever = robot.calf * np.abs(np.sin(legs[:, 1] + legs[:, 2])).max()
+    _, hip, knee = robot.home_joints.reshape(4, 3).T
+    lever = robot.calf * np.abs(np.sin(hip + knee)).max()  # horizontal, from the knee to the foot
     needed = 0.5 * weight * lever
-    least = float(robot.stall_torque[2::3].min())
-    if needed > least:
+    weakest = float(robot.stall_torque[2::3].min())  # of the knees
+    if needed > weakest:
         raise RobotModelError(
-            f"xml_file: got a robot of {weight / GRAVITY:.3g} kg whose knees give {least:.3g} N·m, "
-            f"expected at least the {needed:.3g} N·m that carry it on two legs at home"
+            f"xml_file: got a robot of {weight / GRAVITY:.3g} kg whose knees give {weakest:.3g} "
+            f"N·m, expected at least the {needed:.3g} N·m that carry it on two legs at home"
         )

@@ -21,7 +21,7 @@ from hcbf_gym import certificates, policies, programs, records
 from hcbf_gym.arguments import Count, Folder, Positive, Range, Seed, Workers
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_gym.errors import MOST, HcbfError, InvalidInputError, RefusedError, choose
+from hcbf_gym.errors import MAX_COUNT, HcbfError, InvalidInputError, RefusedError, choose
 from hcbf_gym.evaluation import attacks
 from hcbf_gym.evaluation.jobs import Runs, versions
 from hcbf_gym.evaluation.output_folder import check_folder, open_folder, write_text
@@ -48,7 +48,7 @@ PLANTS: dict[str, SceneFamily | A1Mixture] = {
 RESUMED = "the same command resumes this run"  # printed after Ctrl-C
 
 Share = Annotated[float, Range(0.0, 1.0 - 1e-12, above=True)]
-EpisodeNumber = Annotated[int, Range(0, MOST)]
+EpisodeNumber = Annotated[int, Range(0, MAX_COUNT)]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Args:
     of all machines into one folder, and run the command without --part."""
     episodes: Count = 50
     """Episodes that --check repeats; if it repeats all, it repeats the calibration, too."""
-    calibration: Annotated[int, Range(0, MOST)] = 200
+    calibration: Annotated[int, Range(0, MAX_COUNT)] = 200
     """Episodes of each round that sets the margins; 0 takes the plant's own margins."""
     scenes: tuple[str, ...] = ()
     """Families of random scenes, FILE.py:FAMILY of your own too; all covered ones if not given."""
