@@ -149,7 +149,7 @@ class Attack:
         raise NotImplementedError
 
     def draw(self, s: View, low: float, high: float, pick: Callable[[], Any]) -> Any:
-        """Return the newest choice of `pick`; each is held for a random time in [low, high] [s]."""
+        """Return the newest choice of `pick`; each is held for a random time, low to high [s]."""
         if s.time >= self.until:
             self.until, self.choice = s.time + self.rng.uniform(low, high), pick()
         return self.choice
