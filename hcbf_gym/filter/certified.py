@@ -140,7 +140,7 @@ def _tested_ranges(plant: Plant, certificate: Certificate | None) -> dict[str, o
     section = "filter" if is_exact else "filter of a plant that is not its model"
     ranges = dict(certificates.tested()[section])
     if certificate is not None:
-        ranges["options"] = {}  # its episodes ran with the default options of its program
+        ranges["options"] = {}  # no certificate is earned with other options of a program
         for name in ("program", "strict"):
             if name in certificate.family:
                 ranges[name] = certificate.family[name]
