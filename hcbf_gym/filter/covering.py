@@ -1,7 +1,7 @@
 """The coverage of N plants during their episodes: whether the promise was tested for each plant.
 
-`certified` explains the words. An episode is covered from its beginning, or not at all. It loses its
-coverage when the plant or the scene leaves the tested ranges, and never regains it.
+`certified` explains the words. An episode is covered from its beginning, or not at all. It loses
+its coverage when the plant or the scene leaves the tested ranges, and never regains it.
 """
 
 import numpy as np
