@@ -26,7 +26,7 @@ from benchmarks.common import table
 from benchmarks.registry import SUITES
 from hcbf_gym import certificates
 from hcbf_gym.certificates import Certificate
-from hcbf_gym.certificates.judge import words
+from hcbf_gym.certificates.ranges import parse_range
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError, choose, install
 from hcbf_gym.evaluation.output_folder import write_json, write_text
 from hcbf_gym.evaluation.tables import Table
@@ -134,7 +134,8 @@ def covered_table(file: Path) -> Table:
     none: dict[str, Any] = {"ranges": {}, "words": "none"}
     alone = certificates.tested()["alone"].get(plant["environment"], none)
     ranges = dict(plant) | alone["ranges"]
-    rows = [(k, words(v)) for k, v in ranges.items() if k not in ("environment", "scene")]
+    arguments = [name for name in ranges if name not in ("environment", "scene")]
+    rows = [(name, parse_range(ranges[name], {}).words) for name in arguments]
     return Table("covered", ("argument", "tested"), [*rows, ("alone", alone["words"])])
 
 

@@ -58,8 +58,8 @@ class Certificate:
 
     Args:
         name: the name of the certificate, which is its file's.
-        plant: the ranges of the values that a plant must declare, by name, as `judge.judge` reads
-            them; "scene" is the family of its scenes.
+        plant: the ranges of the values that a plant must declare, by name, as `ranges.parse_range`
+            reads them; "scene" is the family of its scenes.
         family: the distribution of the episodes, as `hcbf_lab.certification.families` reads it.
         words: the family in sentences.
         margins: the margins that rows reserved; None where the plant's own law decides them for

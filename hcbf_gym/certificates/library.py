@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hcbf_gym import version
 from hcbf_gym.certificates.certificate import Certificate
-from hcbf_gym.certificates.judge import Judged, judge
+from hcbf_gym.certificates.judge import Judged, judge, judge_scene
 from hcbf_gym.errors import CoverageWarning, InvalidInputError, shown, warn_caller
 from hcbf_gym.models.plant import Coverage, CoveredBy, Uncertainty
 
@@ -18,7 +18,7 @@ FOLDER = Path(__file__).with_name("shipped")
 
 TESTED = Path(__file__).with_name("tested.json")
 """Ranges that were tested but that no certificate holds: of the filter's arguments, of its plant,
-and the wider ranges of an environment, into which one argument may go alone (see `judge`)."""
+and the wider ranges of an environment that one argument alone may use, see `AloneRule`."""
 
 
 @cache
@@ -89,17 +89,17 @@ def judged_by(
     declared: Mapping[str, object],
     alone: Mapping[str, Any] | None = None,
 ) -> Judged:
-    """Return whether a certificate covers a plant in this version of the package.
+    """Return the verdict whether a certificate covers a plant in this version of the package.
 
     Args:
         certificate: a certificate of any plant and version.
         declared: the values that the plant declares, see `certificates.declared`.
-        alone: wider ranges, into which one argument may go alone, see `judge`.
+        alone: wider ranges that one argument alone may use, see `judge`.
     """
-    judged = judge(declared, certificate.plant, alone)
+    verdict = judge(declared, certificate.plant, alone)
     why = of_another_version(certificate)
-    if judged.outside or not why:
-        return judged
+    if verdict.outside or not why:
+        return verdict
     return Judged(Coverage.OUTSIDE, CoveredBy.VERSION, (why,))
 
 
@@ -107,13 +107,13 @@ class NearestCertificate(NamedTuple):
     """The shipped certificate that differs least from what a plant declares."""
 
     certificate: Certificate | None  # None if no certificate has the environment and the robot
-    judged: Judged  # whether it covers the plant
+    judged: Judged  # the verdict whether it covers the plant
 
     def again(self, declared: Mapping[str, object]) -> Judged:
-        """Return whether it also covers the plant in another scene, `declared["scene"]`."""
+        """Return the verdict on the same plant in another scene, `declared["scene"]`."""
         if self.judged.outside or self.certificate is None:
             return self.judged
-        return judge({"scene": declared["scene"]}, {"scene": self.certificate.plant["scene"]})
+        return judge_scene(declared["scene"], self.certificate.plant["scene"])
 
     def despite(self, complaints: Iterable[str]) -> "NearestCertificate":
         """Return the certificate with complaints about the plant; with any, it covers nothing."""

@@ -1,10 +1,22 @@
-"""Decides whether the promise was tested for a filter's plant and arguments.
+"""Decides whether a filter is covered: whether the promise was tested for its plant and arguments.
 
-* An environment *declares* its arguments by name (`Plant.declared`). They identify its plant; a
-  user's plant is also identified by a hash of each of its parts (`certificates.declared`).
-* A value was *tested* if it is in its range in `tested.json` or in a certificate.
-* A plant is *covered* if all values that identify it were tested. `covered` is then
-  `Coverage.COVERED`, and `Coverage.SCENE` in scenes that were not tested.
+The words of coverage, here and in `hcbf_gym.certificates`:
+
+* promise: the plant does not enter a region of rank 1, see ``docs/guarantees.md``;
+* declared values: the arguments of an environment by their names, from `Plant.declared`;
+* identity: all that certificates compare: the declared values, and of a user's plant a hash of
+  each of its parts, from `certificates.declared`;
+* range: the values of one argument that were tested, in a certificate or in `tested.json`;
+* verdict: the result of comparing values with ranges: a `Coverage`, or a `Judged` with its reasons;
+* covered: the verdict `Coverage.COVERED`. `Plant.covered` is a fixed verdict, or a reader of one.
+
+>>> ranges = {"v_max": {"to": 1.0, "unit": "m/s"}, "scene": "random"}
+>>> judge({"v_max": 0.8, "scene": "random"}, ranges).covered
+<Coverage.COVERED: 1>
+>>> judge({"v_max": 0.8, "scene": "a scene of yours"}, ranges).covered
+<Coverage.SCENE: 2>
+>>> judge({"v_max": 2.0, "scene": "random"}, ranges).reasons
+('v_max 2.0 (tested: at most 1 m/s)',)
 """
 
 from collections.abc import Mapping
@@ -25,10 +37,10 @@ _CHANGEABLE_FIELDS = ("covered", "goal", "extent", "uncertainty")
 
 
 class CertificateCoverage(NamedTuple):
-    """A reader for `Plant.covered`: compares the declared values with a certificate at each step.
+    """A reader for `Plant.covered`: it compares the plant's present identity with a certificate.
 
-    No sufficient condition on the inputs has to hold besides, because episodes of this very plant
-    have shown that it satisfies rank 1.
+    The check of U does not overrule its verdict (see `EpisodeCoverage.check_scenes`), because
+    episodes of this very plant have shown that U satisfies rank 1.
     """
 
     certificate: Certificate
@@ -42,8 +54,8 @@ class CertificateCoverage(NamedTuple):
         return judge(identity, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
 
 
-def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
-    """Return the plant with a certificate's margins and coverage.
+def with_certificate(plant: Plant, certificate: Certificate, env: object) -> Plant:
+    """Return the plant with the coverage and the margins of a certificate.
 
     Rows then reserve the certificate's uncertainty, with the extent of the plant's own body. If the
     certificate is of another plant, a warning states the differences, and nothing is covered.
@@ -54,20 +66,26 @@ def certified(plant: Plant, certificate: Certificate, env: object) -> Plant:
         env: the unwrapped environment.
     """
     identity = certificates.declared(plant, env, None, {})
-    judged = certificates.judged_by(certificate, identity)
-    if judged.outside and judged.covered_by == CoveredBy.ARGUMENT:
-        warn_caller(
-            f"safety filter: the certificate {certificate.name!r} is of another plant: "
-            f"{'; '.join(judged.reasons)}: covered is 0",
-            CoverageWarning,
-        )
-        return replace(plant, covered=judged._replace(covered_by=CoveredBy.CERTIFICATE))
-    if judged.outside:
-        warn_of_version(judged.reasons[0])
+    verdict = certificates.judged_by(certificate, identity)
+    if verdict.outside and verdict.covered_by != CoveredBy.VERSION:
+        return _outside_of_certificate(plant, certificate, verdict)
     margins = plant.uncertainty if certificate.margins is None else certificate.margins
     margins = margins._replace(body=plant.uncertainty.body)
-    coverage = CertificateCoverage(certificate, identity, plant.declared)
-    return replace(plant, uncertainty=margins, covered=judged if judged.outside else coverage)
+    if verdict.outside:
+        warn_of_version(verdict.reasons[0])
+        return replace(plant, uncertainty=margins, covered=verdict)
+    reader = CertificateCoverage(certificate, identity, plant.declared)
+    return replace(plant, uncertainty=margins, covered=reader)
+
+
+def _outside_of_certificate(plant: Plant, certificate: Certificate, verdict: Judged) -> Plant:
+    """Warn that the certificate is of another plant; return the plant, which is never covered."""
+    warn_caller(
+        f"safety filter: the certificate {certificate.name!r} is of another plant: "
+        f"{'; '.join(verdict.reasons)}: covered is 0",
+        CoverageWarning,
+    )
+    return replace(plant, covered=verdict._replace(covered_by=CoveredBy.CERTIFICATE))
 
 
 def judge_filter(
@@ -76,32 +94,30 @@ def judge_filter(
     differences: list[str],
     certificate: Certificate | None,
 ) -> Judged | None:
-    """Warn of values with which the promise was not tested, and return them.
+    """Warn of values with which the promise was not tested, and return the verdict on the filter.
+
+    It is None if the filter's plant and arguments were tested, so that `Plant.covered` decides.
 
     Args:
         settings: the filter's arguments.
         plant: the filter's plant.
         differences: how it differs from the environment's own plant, see `differences_of`.
         certificate: the plant's certificate; None if the filter was given none.
-
-    Returns:
-        Why the filter is not covered; None if its plant and its arguments were tested.
     """
-    covered = plant.covered.covered if isinstance(plant.covered, Judged) else plant.covered
-    if isinstance(covered, int) and covered == Coverage.OUTSIDE:
-        return None  # nothing is promised for the plant, whatever the filter's arguments are
+    if _is_never_covered(plant):
+        return None  # nothing is promised, whatever the filter's arguments are
     ranges = _tested_ranges(plant, certificate)
-    values = _comparable(settings, plant)
+    values = _arguments_as_json(settings, plant)
     arguments = {name: values[name] for name in (*ranges, "alpha_gain")}
     plant_ranges = certificates.tested()["plant of the filter"]
-    judgements = (
+    verdicts = (
         judge({"plant": differences}, plant_ranges, reason=CoveredBy.PLANT),
         judge(arguments, ranges, reason=CoveredBy.FILTER),
     )
-    outside = [judged for judged in judgements if judged.outside]
+    outside = [verdict for verdict in verdicts if verdict.outside]
     if not outside:
         return None
-    phrases = tuple(phrase for judged in outside for phrase in judged.reasons)
+    phrases = tuple(phrase for verdict in outside for phrase in verdict.reasons)
     warn_caller(
         f"safety filter: the promise was not tested with {', '.join(phrases)}: covered is 0",
         CoverageWarning,
@@ -109,14 +125,22 @@ def judge_filter(
     return outside[0]._replace(reasons=phrases)
 
 
+def _is_never_covered(plant: Plant) -> bool:
+    """Return whether the plant has the fixed verdict OUTSIDE; a reader may return another one."""
+    verdict = plant.covered
+    coverage = verdict.covered if isinstance(verdict, Judged) else verdict
+    return isinstance(coverage, int) and coverage == Coverage.OUTSIDE
+
+
 def _tested_ranges(plant: Plant, certificate: Certificate | None) -> dict[str, object]:
-    """Return the tested range of each argument of the filter that matters for a plant."""
-    # if the model is exact, any margin is as good, and any α whose row U can brake
+    """Return the tested range in JSON of each argument of the filter that matters for a plant."""
+    # An exact planar model needs no margin. Any α suits it, because `EpisodeCoverage.check_scenes`
+    # ends the coverage in scenes whose rows U cannot satisfy.
     is_exact = plant.uncertainty == EXACT and isinstance(plant.model, DoubleIntegrator)
     section = "filter" if is_exact else "filter of a plant that is not its model"
     ranges = dict(certificates.tested()[section])
     if certificate is not None:
-        ranges["options"] = {}
+        ranges["options"] = {}  # no certificate is earned with other options of a program
         for name in ("program", "strict"):
             if name in certificate.family:
                 ranges[name] = certificate.family[name]
@@ -125,10 +149,10 @@ def _tested_ranges(plant: Plant, certificate: Certificate | None) -> dict[str, o
     return ranges
 
 
-def _comparable(settings: FilterSettings, plant: Plant) -> dict[str, object]:
+def _arguments_as_json(settings: FilterSettings, plant: Plant) -> dict[str, object]:
     """Return a filter's arguments in JSON's terms, each α apart from the other options.
 
-    Ranges end at `alpha_gain`, the gain of α₂ if it is not given.
+    `alpha_gain` is no argument: ranges end at it. It is the gain of α₂ if none is given.
     """
     alphas = alphas_of(settings.options, plant)
     alphas_as_json = {k: records.to_dict(alpha, class_k.KINDS) for k, alpha in alphas.items()}

@@ -1,7 +1,7 @@
 """The coverage of N plants during their episodes: whether the promise was tested for each plant.
 
-`certified` defines *covered*. An episode is covered from its beginning, or not at all. It loses its
-coverage when the plant or the scene leaves the tested ranges, and never regains it.
+`certified` explains the words. An episode is covered from its beginning, or not at all. It loses
+its coverage when the plant or the scene leaves the tested ranges, and never regains it.
 """
 
 import numpy as np
@@ -33,17 +33,17 @@ class EpisodeCoverage:
         """Set the coverage of new episodes; a development version covers none of them.
 
         Args:
-            covered: a `Judged`, or one `Coverage` for all plants or for each (N,).
+            covered: the verdict: a `Judged`, or one `Coverage` for all plants or for each (N,).
             fresh: (N,) the plants whose episodes begin.
         """
-        judged = self._judged(covered)
-        self._set(fresh, judged.covered, judged.covered_by)
+        verdict = self._checked_verdict(covered)
+        self._set(fresh, verdict.covered, verdict.covered_by)
 
     def update(self, covered: object) -> None:
         """End the coverage of the plants that are not covered now; `covered` is as in `begin`."""
-        judged = self._judged(covered)
-        ends = (self._coverage == Coverage.COVERED) & (judged.covered != Coverage.COVERED)
-        self._set(ends, judged.covered, judged.covered_by)
+        verdict = self._checked_verdict(covered)
+        ends = (self._coverage == Coverage.COVERED) & (verdict.covered != Coverage.COVERED)
+        self._set(ends, verdict.covered, verdict.covered_by)
 
     def check_scenes(self, scenes: Integers, fresh: Mask) -> None:
         """End the coverage of new episodes in whose scenes U may not satisfy rank 1.
@@ -77,8 +77,8 @@ class EpisodeCoverage:
         self._reason = np.where(mask, reason, self._reason)
         self.is_new = True
 
-    def _judged(self, covered: object) -> Judged:
-        """Return coverage and reason as (N,) arrays; refuse other values than a `Coverage`."""
+    def _checked_verdict(self, covered: object) -> Judged:
+        """Return a verdict as (N,) arrays; refuse other values than a `Coverage`."""
         shape, judged = self._coverage.shape, covered if isinstance(covered, Judged) else None
         coverage = as_array("covered", covered if judged is None else judged.covered)
         is_valid = coverage.dtype.kind in "iu" and np.isin(coverage, list(Coverage)).all()

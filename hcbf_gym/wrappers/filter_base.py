@@ -57,7 +57,7 @@ class FilterBase:
         loaded, self.plant = None, given_plant
         if certificate is not None:
             loaded = certificates.load(certificate)
-            self.plant = certified.certified(given_plant, loaded, self._inner)
+            self.plant = certified.with_certificate(given_plant, loaded, self._inner)
         checks.check_order(self.env)
         checks.check_observations(self.env, self.plant)
         checks.check_spaces(self.plant, *spaces)

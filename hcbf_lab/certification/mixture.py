@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import scenarios
-from hcbf_gym.certificates.judge import words
+from hcbf_gym.certificates.ranges import parse_range
 from hcbf_gym.envs.a1_plant import V_MAX
 from hcbf_gym.envs.randomization import Randomization
 from hcbf_gym.envs.task import PHYSICS_DT
@@ -136,6 +136,7 @@ class A1Mixture:
             for field in fields(worst)
         }
         place = [{"from": low, "to": high} for low, high in PAYLOAD_BOX]
+        place_words = parse_range({"each": place}, {}).words
         return {
             "environment": declared["environment"],
             "xml_file": None,
@@ -150,7 +151,7 @@ class A1Mixture:
             },
             "payload_position": {
                 "any of": [None, {"each": place}],
-                "words": f"{', '.join(words(axis) for axis in place)} m along x, y, z",
+                "words": f"{place_words} m along x, y, z",
             },
             "disturbances": None,
             "estimation": {

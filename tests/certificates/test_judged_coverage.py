@@ -10,7 +10,7 @@ import pytest
 from benchmarks.alone import ALONE
 from hcbf_gym import certificates, version
 from hcbf_gym.certificates import judge
-from hcbf_gym.certificates.judge import words
+from hcbf_gym.certificates.ranges import parse_range
 from hcbf_gym.errors import CoverageWarning
 from hcbf_gym.models import Coverage, CoveredBy
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
@@ -100,7 +100,7 @@ def test_each_value_outside_of_its_range_is_named_alone_and_all_inside_are_cover
                 assert (judged.covered, judged.covered_by) == (Coverage.OUTSIDE, reason), value
                 assert len(judged.reasons) == 1
                 assert judged.reasons[0].startswith(f"{argument} ")
-                assert judged.reasons[0].endswith(f"(tested: {words(expected)})")
+                assert judged.reasons[0].endswith(f"(tested: {parse_range(expected, {}).words})")
             missing = {k: v for k, v in declared.items() if k != argument}
             assert judge(missing, ranges).covered == Coverage.OUTSIDE
         for value in (0.0, None, "as ever"):  # no range includes it
