@@ -3,6 +3,7 @@
 Each entry ``key`` has a leading axis N. A mask ``_key`` (N,) marks the environments that report it.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.errors import choose
+
+Entry = Array | Info
+"""An array (N, …), or a dict of such arrays."""
 
 
 def mode_of(mode: str | AutoresetMode) -> AutoresetMode:
@@ -40,26 +44,26 @@ def only_masked(infos: Info, mask: Mask) -> Info:
     return kept
 
 
-def replace_masked(infos: Info, mask: Mask, fresh: Info) -> None:
-    """Replace the entries of the masked environments (N,) in place by those of `fresh`."""
-    for key, value in fresh.items():
+def replace_masked(infos: Info, mask: Mask, reset_infos: Info) -> None:
+    """Replace the entries of the masked environments (N,) in place by those of a reset."""
+    for key, value in reset_infos.items():
         if isinstance(value, dict):
             replace_masked(infos[key], mask, value)
         else:
             infos[key][mask] = value[mask]
 
 
-def move_to_final(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
+def move_to_final(infos: Info, done: Mask, last: Array, reset_infos: Info) -> None:
     """Put the infos of a reset within a step (mode SameStep) into those of the step, in place.
 
     The step's infos and observations `last` (N, …) of the environments `done` (N,), which were
-    reset, move to ``final_info`` and ``final_obs``; `fresh` are the infos of the reset.
+    reset, move to ``final_info`` and ``final_obs``. The infos of the reset take their place.
     """
     final_obs = np.full(len(done), None, dtype=object)
     for i in np.flatnonzero(done):
         final_obs[i] = last[i].copy()
     final_info = only_masked(infos, done)
-    replace_masked(infos, done, fresh)
+    replace_masked(infos, done, reset_infos)
     infos |= {"final_obs": final_obs, "_final_obs": done.copy()}
     infos |= {"final_info": final_info, "_final_info": done.copy()}
 
@@ -67,8 +71,10 @@ def move_to_final(infos: Info, done: Mask, last: Array, fresh: Info) -> None:
 class Reporter:
     """Adds the entry of a wrapper to a vector environment's infos.
 
-    An environment that was reset in a step reports the reset's entry, not the step's. With mode
-    SameStep the step's own entry goes to ``final_info``.
+    Gymnasium's autoreset mode decides when an ended episode begins anew: in the step that ends it
+    (SameStep), in the next step (NextStep), or in a reset by the caller (Disabled). An environment
+    that is reset in a step reports the entry of the reset in the place of the step's. With SameStep
+    the entry of the step goes to ``final_info``.
 
     Args:
         env: the vector environment.
@@ -78,25 +84,24 @@ class Reporter:
     def __init__(self, env: VectorEnv, key: str):
         self._mode = env.metadata["autoreset_mode"]
         self._key = key
-        self._ended = np.zeros(env.num_envs, dtype=np.bool_)
+        self._ended = np.zeros(env.num_envs, dtype=np.bool_)  # in the step before
 
-    def at_reset(self, infos: Info, fresh: Any, options: dict[str, Any] | None) -> None:
-        """Add the entry of a reset in place, for ``options["reset_mask"]`` or for all.
-
-        The entry `fresh` is an array (N, …), or a dict of such arrays.
-        """
+    def at_reset(self, infos: Info, entry: Entry, options: dict[str, Any] | None) -> None:
+        """Add the entry of a reset in place, for ``options["reset_mask"]`` or for all."""
         everyone = np.ones_like(self._ended)
         mask = everyone if options is None else options.get("reset_mask", everyone)
         self._ended[mask] = False
-        infos |= only_masked(with_masks({self._key: fresh}, everyone), mask)
+        infos |= only_masked(with_masks({self._key: entry}, everyone), mask)
 
-    def at_step(self, infos: Info, entry: object, fresh: Any, ended: Mask) -> Mask:
-        """Add the entry of a step in place, and return (N,) which environments were reset in it.
+    def at_step(
+        self, infos: Info, entry: Entry, entry_of_reset: Callable[[Mask], Entry], ended: Mask
+    ) -> None:
+        """Add the entry of a step in place.
 
         Args:
             infos: the infos of the step.
-            entry: (N, …) the entry, or a dict of such arrays; it may be overwritten.
-            fresh: the entry of a reset, or a function of the mask (N,) that returns it.
+            entry: the entry of the step, which may be overwritten.
+            entry_of_reset: returns the entry of the environments (N,) that were reset in the step.
             ended: (N,) the environments whose episodes ended in this step.
         """
         added = {self._key: entry}
@@ -109,8 +114,6 @@ class Reporter:
             if ended.any():
                 infos["final_info"] |= only_masked(with_masks(added, everyone), ended)
         if restarted.any():
-            reset_entry = fresh(restarted) if callable(fresh) else fresh
-            replace_masked(added, restarted, {self._key: reset_entry})
+            replace_masked(added, restarted, {self._key: entry_of_reset(restarted)})
         infos |= with_masks(added, everyone)
         self._ended = ended
-        return restarted

@@ -229,7 +229,7 @@ class RegionsVectorEnv(  # pyright: ignore[reportIncompatibleVariableOverride] -
         self._has_given_scene[indices] = False
         family = self._scenes.random_family
         if family is not None:
-            scenes = family.drawn([self._rngs[i] for i in indices])
+            scenes = family.draw_scenes([self._rngs[i] for i in indices])
             for k, i in enumerate(indices):
                 self._current[i] = scene = scenes.one(k)
                 self._batch.set_drawn(i, scene)

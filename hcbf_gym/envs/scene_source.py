@@ -71,7 +71,7 @@ class SceneSource:
         self.drawn_scene = None
         family, scene = self.random_family, self.own_scene
         if family is not None and not options:
-            self.drawn_scene = family.drawn([rng]).one(0)
+            self.drawn_scene = family.draw_scenes([rng]).one(0)
             return family.scenario(self.drawn_scene)
         if "scenario" in options or family is not None:
             scene = scenarios.make(options.get("scenario", self._source), rng)

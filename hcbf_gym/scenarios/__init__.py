@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym import loading, plugins, records
-from hcbf_gym.arrays import Array
 from hcbf_gym.errors import (
     InvalidInputError,
     UnknownNameError,
@@ -19,7 +18,7 @@ from hcbf_gym.errors import (
     text,
 )
 from hcbf_gym.scenarios import clutter, crossing, hall, paper, random_scenes, rooms, traps, trolley
-from hcbf_gym.scenarios.family import V_MAX, Draw, DrawMany, Family
+from hcbf_gym.scenarios.family import V_MAX, Draw, DrawMany, Family, Redraw
 from hcbf_gym.scenarios.floor import Floor, floors, name_of, register_floors
 from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks, Moment
 from hcbf_gym.scenarios.scenario import BoxObstacle, Scenario, ScenarioLike, from_dict, load
@@ -71,7 +70,7 @@ def register(
     draw_many: DrawMany | None = None,
     floor: Callable[[], Floor] | None = None,
     hooks: Hooks = NO_HOOKS,
-    redraw: Callable[[np.random.Generator, Array], None] | None = None,
+    redraw: Redraw | None = None,
 ) -> None:
     """Name a family of random scenes, of which environments draw one for each episode.
 
@@ -112,12 +111,12 @@ def register(
         v_max = finite_float(f"family {name!r}: v_max", v_max, minimum=0.0, exclusive=True)
     family = Family(name, draw, shapes, v_max, draw_many, floor, hooks, redraw)
     registered = _FAMILIES.get(name)
-    if name in _FIXED or (registered is not None and not family.replaces(registered)):
+    if name in _FIXED or (registered is not None and not family.is_redefinition_of(registered)):
         raise InvalidInputError(
             f"family: got {name!r}, expected a name that is not taken: {names()}"
         )
     if draw_many is not None:
-        family.check_many()
+        family.check_draw_many()
     _FAMILIES[name] = family
 
 
@@ -223,7 +222,9 @@ def make(scenario: ScenarioLike, rng: np.random.Generator | None = None) -> Scen
     family = family_of(scenario)
     if family is not None:
         rng = np.random.default_rng(0) if rng is None else rng
-        return family.scenario(family.drawn([instance("rng", rng, np.random.Generator)]).one(0))
+        return family.scenario(
+            family.draw_scenes([instance("rng", rng, np.random.Generator)]).one(0)
+        )
     if isinstance(scenario, Mapping):
         return from_dict(scenario)
     if not isinstance(scenario, str | Path):

@@ -23,9 +23,12 @@ V_MAX = 1.0
 
 _COMPARED_SEEDS = range(8)  # on which `draw_many` is compared with `draw`
 
-
 Draw = Callable[[np.random.Generator, Scene], None]
+"""Fills the arrays of one scene, at the beginning of an episode."""
 DrawMany = Callable[[Sequence[np.random.Generator], Scene], None]
+"""Fills the arrays of N scenes, each from its generator."""
+Redraw = Callable[[np.random.Generator, Array], None]
+"""Overwrites the velocities (m, 2) [m/s] of a scene's shapes, within an episode."""
 
 
 @dataclass(frozen=True)
@@ -37,14 +40,14 @@ class Family:
 
     name: str
     draw: Draw
-    shapes: int
+    shapes: int  # the number of shapes of each scene
     v_max: float | None = V_MAX
-    draw_many: DrawMany | None = None
-    floor: Callable[[], Floor] | None = None
-    hooks: Hooks = NO_HOOKS
-    redraw: Callable[[np.random.Generator, Array], None] | None = None
+    draw_many: DrawMany | None = None  # a faster `draw` for N scenes, equal bit for bit
+    floor: Callable[[], Floor] | None = None  # returns the map on which the shapes are
+    hooks: Hooks = NO_HOOKS  # the family's own observation, reward and costs
+    redraw: Redraw | None = None  # None where velocities never change
 
-    def drawn(self, generators: Sequence[np.random.Generator]) -> Scene:
+    def draw_scenes(self, generators: Sequence[np.random.Generator]) -> Scene:
         """Return N scenes, each drawn with one of the N generators.
 
         Raises:
@@ -62,10 +65,10 @@ class Family:
             check_ranks(self.name, scenes.ranks)
         return scenes
 
-    def check_many(self) -> None:
+    def check_draw_many(self) -> None:
         """Refuse a `draw_many` that fails, or fills other scenes than `draw`."""
         try:
-            many = self.drawn([np.random.default_rng(seed) for seed in _COMPARED_SEEDS])
+            many = self.draw_scenes([np.random.default_rng(seed) for seed in _COMPARED_SEEDS])
         except InvalidInputError:
             raise
         except Exception as error:  # of the user's function
@@ -105,8 +108,11 @@ class Family:
         file = inspect.getsourcefile(_function(self.draw))
         return [] if file is None or not Path(file).is_file() else sources.of_user(Path(file))
 
-    def replaces(self, other: "Family") -> bool:
-        """Return whether the family's function is another one's, or a newer version of it."""
+    def is_redefinition_of(self, other: "Family") -> bool:
+        """Return whether both have the same `draw`, by its module and name.
+
+        So a file that is loaded again may register its families again.
+        """
         new, old = _function(self.draw), _function(other.draw)
         return (new.__module__, new.__qualname__) == (old.__module__, old.__qualname__)
 

@@ -91,5 +91,6 @@ class VectorInterventionPenalty(VectorWrapper, RecordConstructorArgs):
             intervention = np.where(info["_final_info"], of_step, intervention)
         penalty = -self.weight * intervention
         reward = reward + penalty
-        self._reporter.at_step(info, penalty, self._zeros, terminated | truncated)
+        ended = terminated | truncated
+        self._reporter.at_step(info, penalty, lambda _: self._zeros, ended)
         return observation, reward, terminated, truncated, info

@@ -1,4 +1,9 @@
-"""Figures 6 and 7: the experiment with boxes, on the A1 in full physics."""
+"""Figures 6 and 7: the paper's experiment, in which the A1 walks between boxes in full physics.
+
+Heavy boxes mark region 1 (barrier h₃, strict), and a light box is at the center of region 2
+(barrier h₄, relaxed). R-CBF-QP (R) touches the light box, and H-CBF-QP (H) avoids it.
+Figure 6: pictures, and h₃, h₄ and the contacts over time. Figure 7: the paths and positions.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,17 +14,18 @@ import numpy as np
 from hcbf_gym import scenarios
 from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.evaluation.jobs import Runs, in_order
-from hcbf_gym.evaluation.rollouts import Case, Episode, Job
+from hcbf_gym.evaluation.rollouts import Episode, Job
 from hcbf_lab.reproduction import plots
 from hcbf_lab.reproduction.film import draw_frames
+from hcbf_lab.reproduction.setting import A1, H3, H4, LIGHT_BOX, Setting
 
 SCENE, STRAIGHT = "paper-experiment", "paper-experiment-straight"
-R_WEIGHTS = ("r-cbf-qp", 0.05, 0.0)
-"""(program, γ₀, Δγ) of R. The paper does not state γ₀; with this one R passes close to region 1."""
-H_WEIGHTS = ("h-cbf-qp", 0.5, 1.3)
-"""(program, γ₀, Δγ) of H: the paper's Δγ, and a γ₀ with which the A1 passes the corridor."""
-PAPER_WEIGHTS = ("h-cbf-qp", 5.0, 1.3)
-"""(program, γ₀, Δγ) of H in the paper, with which the A1 stalls in the corridor."""
+RELAXED = Setting("relaxed", "r-cbf-qp", 0.05, 0.0)
+"""R. The paper does not state its γ₀; with this one R passes close to region 1."""
+HIERARCHICAL = Setting("hierarchical", "h-cbf-qp", 0.5, 1.3)
+"""H with the paper's Δγ, and a γ₀ with which the A1 passes the corridor."""
+TOO_LARGE = Setting("too large", "h-cbf-qp", 5.0, 1.3)
+"""H with the paper's weights, with which the A1 stalls in the corridor."""
 
 SEEDS = 20
 RANDOMIZATION = {
@@ -31,16 +37,13 @@ RANDOMIZATION = {
 DISTURBANCES = {"kind": "random", "interval": 4.0, "impulse": (1.0, 3.0)}
 """A push of 1 to 3 N·s in a random direction, one every 4 s on average."""
 
-_H3, _H4 = 2, 3  # columns of h: region 1 and region 2
-_BOX = 0  # index of region 2's box
-
 
 def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 6 into a folder, and count contacts over disturbed episodes, fewer if `quick`.
 
     Returns ``claims`` {text: bool} and their data, in JSON types.
     """
-    jobs = _jobs()
+    jobs = undisturbed_jobs()
     results = in_order(runs.over(Job.run, list(jobs.values()), "fig 6"))
     episodes = dict(zip(jobs, results, strict=True))
     relaxed, hierarchical = episodes["R"], episodes["H"]
@@ -56,10 +59,14 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
         {"H, (0.5, 1.3)": (hierarchical, "-"), "H, (5, 1.3)": (episodes["H, (5, 1.3)"], ":")},
         "the paper's own pair",
     ).savefig(folder / "fig6-own-pair.png")
+    seeds = range(4 if quick else SEEDS)
     result = {
-        "claims": _claims(episodes),
+        "claims": claims_of(episodes),
         "episodes": {name: _summary(episode) for name, episode in episodes.items()},
-        "seeds": _over_seeds(runs, range(4 if quick else SEEDS)),
+        "seeds": {
+            "R": _summary_over_seeds(_disturbed_episodes(runs, RELAXED, seeds)),
+            "H": _summary_over_seeds(_disturbed_episodes(runs, HIERARCHICAL, seeds)),
+        },
     }
     r_and_h, times = [jobs["R"], jobs["H"]], (4.0, 6.0, 8.0, 16.0)
     return result | {"frames": draw_frames(runs, r_and_h, times, folder / "fig6-frames.png")}
@@ -67,7 +74,7 @@ def fig6(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
 
 def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     """Draw figure 7 from the episodes of figure 6; see `fig6` for the arguments."""
-    jobs = _jobs()
+    jobs = undisturbed_jobs()
     relaxed, hierarchical = in_order(runs.over(Job.run, [jobs["R"], jobs["H"]], "fig 7"))
     plots.fig7(SCENE, relaxed, hierarchical).savefig(folder / "fig7.png")
     beside = {"R": _beside_the_box(relaxed), "H": _beside_the_box(hierarchical)}
@@ -79,99 +86,88 @@ def fig7(runs: Runs, folder: Path, quick: bool) -> dict[str, Any]:
     }
 
 
-def _jobs() -> dict[str, Job]:
+# Simulation
+
+
+def undisturbed_jobs() -> dict[str, Job]:
     """Return the undisturbed episodes of both figures, by the labels of the pictures."""
     return {
-        "R": _job(SCENE, R_WEIGHTS),
-        "H": _job(SCENE, H_WEIGHTS),
-        "H, (5, 1.3)": _job(SCENE, PAPER_WEIGHTS),
-        "R, straight": _job(STRAIGHT, R_WEIGHTS),
-        "H, straight": _job(STRAIGHT, H_WEIGHTS),
+        "R": Job(RELAXED.case(A1, SCENE)),
+        "H": Job(HIERARCHICAL.case(A1, SCENE)),
+        "H, (5, 1.3)": Job(TOO_LARGE.case(A1, SCENE)),
+        "R, straight": Job(RELAXED.case(A1, STRAIGHT)),
+        "H, straight": Job(HIERARCHICAL.case(A1, STRAIGHT)),
     }
 
 
-def _job(
-    scene: str,
-    weights: tuple[str, float, float],
-    seed: int = 0,
-    env_options: dict[str, Any] | None = None,
-) -> Job:
-    """Return an episode of PD on the A1 under (program, γ₀, Δγ)."""
-    program, gamma0, delta_gamma = weights
-    options = {"gamma0": gamma0, "delta_gamma": delta_gamma}
-    return Job(Case("HCBF-A1Regions-v0", scene, "pd", program, options, env_options), seed)
-
-
-def _disturbed(weights: tuple[str, float, float], seed: int) -> Job:
-    """Return an episode whose seed decides the start, the floor's friction and the pushes."""
+def _disturbed_episodes(runs: Runs, setting: Setting, seeds: Sequence[int]) -> list[Episode]:
+    """Return episodes whose seed decides the start, the floor's friction and the pushes."""
     env_options = {"randomization": RANDOMIZATION, "disturbances": DISTURBANCES}
-    return _job(SCENE, weights, seed, env_options)
+    case = setting.case(A1, SCENE, env_options)
+    return in_order(runs.over(Job.run, [Job(case, seed) for seed in seeds], "fig 6, seeds"))
 
 
-def _over_seeds(runs: Runs, seeds: Sequence[int]) -> dict[str, dict[str, Any]]:
-    """Return for R and H in how many episodes the robot touched the box, arrived, and fell."""
-    jobs = [_disturbed(weights, seed) for weights in (R_WEIGHTS, H_WEIGHTS) for seed in seeds]
-    episodes = in_order(runs.over(Job.run, jobs, "fig 6, seeds"))
-    groups = {"R": episodes[: len(seeds)], "H": episodes[len(seeds) :]}
+# Measures and claims
+
+
+def _summary_over_seeds(episodes: Sequence[Episode]) -> dict[str, Any]:
+    """Return in how many episodes the robot touched the box, arrived and fell, and its barriers."""
     return {
-        name: {
-            "episodes": len(group),
-            "touched_the_box": sum(_touches(episode) > 0 for episode in group),
-            "reached": sum(bool(episode.reached) for episode in group),
-            "fell": sum(episode.fell for episode in group),
-            "least_h3": min(float(episode.min_h[:, _H3].min()) for episode in group),
-            "least_h4": [float(episode.min_h[:, _H4].min()) for episode in group],
-            "mean_violation_of_h4": float(np.mean([_violation(episode) for episode in group])),
-        }
-        for name, group in groups.items()
+        "episodes": len(episodes),
+        "touched_the_box": sum(_contact_steps(episode) > 0 for episode in episodes),
+        "reached": sum(bool(episode.reached) for episode in episodes),
+        "fell": sum(episode.fell for episode in episodes),
+        "least_h3": min(float(episode.min_h[:, H3].min()) for episode in episodes),
+        "least_h4": [float(episode.min_h[:, H4].min()) for episode in episodes],
+        "mean_violation_of_h4": float(np.mean([_violation(episode) for episode in episodes])),
     }
 
 
-def _touches(episode: Episode) -> int:
+def _contact_steps(episode: Episode) -> int:
     """Return the number of control steps in which the robot touched region 2's box."""
-    return int((episode.obstacle_force[:, _BOX] > 0.0).sum())
+    return int((episode.obstacle_force[:, LIGHT_BOX] > 0.0).sum())
 
 
 def _violation(episode: Episode) -> float:
     """Return the violation of region 2, ∫ max(0, −h₄) dt [m·s]."""
-    return float(CONTROL_DT * np.maximum(-episode.h[1:, _H4], 0.0).sum())
+    return float(CONTROL_DT * np.maximum(-episode.h[1:, H4], 0.0).sum())
 
 
 def _summary(episode: Episode) -> dict[str, Any]:
     return {
-        "steps_touching_the_box": _touches(episode),
-        "greatest_force_on_it": float(episode.obstacle_force[:, _BOX].max()),
+        "steps_touching_the_box": _contact_steps(episode),
+        "greatest_force_on_it": float(episode.obstacle_force[:, LIGHT_BOX].max()),
         "reached": episode.reached,
         "fell": episode.fell,
         "final_error": float(episode.tracking_error[-1]),
-        "min_h3": float(episode.min_h[:, _H3].min()),
-        "min_h4": float(episode.min_h[:, _H4].min()),
+        "min_h3": float(episode.min_h[:, H3].min()),
+        "min_h4": float(episode.min_h[:, H4].min()),
         "violation_of_h4": _violation(episode),
     }
 
 
 def _beside_the_box(episode: Episode) -> float:
     """Return the least p_x beyond the box's centre while the robot is beside the box [m]."""
-    box = scenarios.make(SCENE).obstacles[_BOX]
+    box = scenarios.make(SCENE).obstacles[LIGHT_BOX]
     x, y = episode.position.T
     beside = np.abs(y - box.center[1]) <= box.size[1] / 2
     return float(x[beside].min() - box.center[0])
 
 
-def _claims(episodes: dict[str, Episode]) -> dict[str, bool]:
+def claims_of(episodes: dict[str, Episode]) -> dict[str, bool]:
     """Return whether the episodes show each claim of the paper."""
     relaxed, hierarchical = episodes["R"], episodes["H"]
     claims = {
-        "R touches region 2's box": _touches(relaxed) > 0,
+        "R touches region 2's box": _contact_steps(relaxed) > 0,
         "R still reaches the goal": relaxed.reached,
-        "H does not touch it": _touches(hierarchical) == 0,
+        "H does not touch it": _contact_steps(hierarchical) == 0,
         "H reaches the goal": hierarchical.reached,
         "H violates h4 less than R, at its worst": (
-            hierarchical.min_h[:, _H4].min() > relaxed.min_h[:, _H4].min()
+            hierarchical.min_h[:, H4].min() > relaxed.min_h[:, H4].min()
         ),
         "H violates h4 less than R, over time": _violation(hierarchical) < _violation(relaxed),
         "h3 >= 0 throughout, for R and H": (
-            relaxed.min_h[:, _H3].min() >= 0.0 and hierarchical.min_h[:, _H3].min() >= 0.0
+            relaxed.min_h[:, H3].min() >= 0.0 and hierarchical.min_h[:, H3].min() >= 0.0
         ),
     }
     return {f"fig6: {text}": bool(holds) for text, holds in claims.items()}

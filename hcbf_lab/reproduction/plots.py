@@ -1,6 +1,6 @@
 """The pictures of figures 5, 6 and 7."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,26 +17,32 @@ from hcbf_gym.drawing.scene_labels import legend_below
 from hcbf_gym.drawing.scene_plot import draw_scene
 from hcbf_gym.evaluation.episode_plot import new_figure
 from hcbf_gym.evaluation.rollouts import Episode
+from hcbf_lab.reproduction.setting import H3, H4, LIGHT_BOX, Setting, of_role
 from hcbf_lab.tuning import Samples, Trajectories
 from hcbf_lab.tuning.cost_map import draw_cost_map
 
 R, H = PROGRAM_COLORS["r-cbf-qp"], PROGRAM_COLORS["h-cbf-qp"]
-_DARKEST_H = "#00253b"
-_SHADES = LinearSegmentedColormap.from_list("h-cbf-qp", ["#a6d8f0", H, _DARKEST_H])
-_H3, _H4 = 2, 3  # columns of h: region 1 and region 2
+DARKEST_H = "#00253b"
+SHADES_OF_H = LinearSegmentedColormap.from_list("h-cbf-qp", ["#a6d8f0", H, DARKEST_H])
 
 
-def _style_of_h(k: int, gammas: Sequence[float]) -> dict[str, Any]:
-    """Return color and label of H with the k-th γ₀; larger ones are darker."""
-    color = _SHADES(k / max(len(gammas) - 1, 1))
-    return {"color": color, "label": f"H, $\\gamma_0 = {gammas[k]:g}$"}
+def _styles_of_h(episodes: Mapping[Setting, Episode]) -> Iterator[tuple[Episode, dict[str, Any]]]:
+    """Yield H's episodes, each with its color and label; a larger γ₀ is darker."""
+    hierarchical = of_role(episodes, "hierarchical")
+    shades = np.linspace(0.0, 1.0, len(hierarchical))
+    for shade, (setting, episode) in zip(shades, hierarchical.items(), strict=True):
+        label = f"H, $\\gamma_0 = {setting.gamma0:g}$"
+        yield episode, {"color": SHADES_OF_H(shade), "label": label}
 
 
-def _plot_r_and_h(axes: Axes, time: Array, values: Array, gammas: Sequence[float]) -> None:
-    """Plot over time the value of R (column 0), and of H for each γ₀ (the columns after it)."""
-    for k in range(len(gammas)):
-        axes.plot(time, values[:, k + 1], lw=1.3, **_style_of_h(k, gammas))
-    axes.plot(time, values[:, 0], color=R, lw=1.5, label="R")
+def _plot_over_time(
+    axes: Axes, episodes: Mapping[Setting, Episode], values_of: Callable[[Episode], Array]
+) -> None:
+    """Plot a value of R and of H for each γ₀ over time, but not that of too large weights."""
+    for episode, style in _styles_of_h(episodes):
+        axes.plot(episode.time, values_of(episode), lw=1.3, **style)
+    for relaxed in of_role(episodes, "relaxed").values():
+        axes.plot(relaxed.time, values_of(relaxed), color=R, lw=1.5, label="R")
 
 
 def _legend_beside(axes: Axes) -> None:
@@ -52,61 +58,66 @@ def _stacked(cell: SubplotSpec) -> tuple[Axes, Axes]:
 
 
 def fig5_panels(
-    run: Trajectories, gammas: Sequence[float], fan: Trajectories | None, samples: Samples | None
+    episodes: Mapping[Setting, Episode], sampled: Trajectories | None, costs: Samples | None
 ) -> Figure:
     """Return panels (a) to (d): position, barriers, tracking error and the map of the cost.
 
     Args:
-        run: trajectories of R, of H for each γ₀, and of H with too large weights.
-        gammas: (n,) those γ₀.
-        fan: trajectories of H over the sampled weights for (a), or None to plot those of `run`.
-        samples: the samples of the cost for (d), or None to leave (d) out.
+        episodes: those of R, of H for each γ₀, and of H with too large weights.
+        sampled: those of H over the sampled weights, for (a) in the place of H for each γ₀.
+        costs: the samples of the cost for (d), or None to leave (d) out.
     """
     figure = new_figure(10.0, 7.6)
     grid = figure.add_gridspec(2, 2)
-    for axis, (name, axes) in enumerate(zip("xy", _stacked(grid[0, 0]), strict=True)):
-        if fan is None:
-            _plot_r_and_h(axes, run.time, run.position[:, :, axis], gammas)
-        else:
-            axes.plot(fan.time, fan.position[:, :, axis], color=_SHADES(0.1), lw=0.5, alpha=0.5)
-            axes.plot([], [], color=_SHADES(0.1), label="H, sampled $(\\gamma_0, \\Delta\\gamma)$")
-            axes.plot(run.time, run.position[:, 0, axis], color=R, lw=1.5, label="R")
+    x_axes, y_axes = _stacked(grid[0, 0])
+    for axes, name, column in ((x_axes, "x", 0), (y_axes, "y", 1)):
+        plotted = episodes
+        if sampled is not None:
+            color, label = SHADES_OF_H(0.1), "H, sampled $(\\gamma_0, \\Delta\\gamma)$"
+            axes.plot(sampled.time, sampled.position[:, :, column], color=color, lw=0.5, alpha=0.5)
+            axes.plot([], [], color=color, label=label)
+            plotted = of_role(episodes, "relaxed")
+        _plot_over_time(axes, plotted, lambda episode: episode.position[:, column])  # noqa: B023
         axes.set_ylabel(f"$p_{name}$ [m]")
-        if name == "x":
-            axes.set_title("(a) position", fontsize=10)
-            _legend_beside(axes)
+    x_axes.set_title("(a) position", fontsize=10)
+    _legend_beside(x_axes)
     h3_axes, h4_axes = _stacked(grid[0, 1])
-    for axes, k, priority in ((h3_axes, _H3, 1), (h4_axes, _H4, 2)):
-        _plot_r_and_h(axes, run.time, run.h[:, :, k], gammas)
+    for axes, column, priority in ((h3_axes, H3, 1), (h4_axes, H4, 2)):
+        _plot_over_time(axes, episodes, lambda episode: episode.h[:, column])  # noqa: B023
         axes.axhline(0.0, color=priority_color(priority), lw=1.0, ls="--")
-        axes.set_ylabel(f"$h_{k + 1}$ [m]")
+        axes.set_ylabel(f"$h_{column + 1}$ [m]")
     h3_axes.set_title("(b) barriers of region 1 and region 2", fontsize=10)
-    h4_axes.set_ylim(min(-2.0, run.h[:, :-1, _H4].min() - 0.1), 1.0)
-    axes = figure.add_subplot(grid[1, 0] if samples is not None else grid[1, :])
-    _plot_r_and_h(axes, run.time, run.tracking_error, gammas)
+    plotted = of_role(episodes, "relaxed") | of_role(episodes, "hierarchical")
+    lowest_h4 = min(episode.h[:, H4].min() for episode in plotted.values())
+    h4_axes.set_ylim(min(-2.0, lowest_h4 - 0.1), 1.0)
+    axes = figure.add_subplot(grid[1, 0] if costs is not None else grid[1, :])
+    _plot_over_time(axes, episodes, lambda episode: episode.tracking_error)
     axes.set(xlabel="$t$ [s]", ylabel="$\\|p_{ref} - p\\|$ [m]")
     axes.set_title("(c) tracking error", fontsize=10)
     _legend_beside(axes)
-    if samples is not None:
+    if costs is not None:
         axes = figure.add_subplot(grid[1, 1])
-        draw_cost_map(axes, samples)
+        draw_cost_map(axes, costs)
         axes.set_title("(d) cost over the sampled weights", fontsize=10)
     return figure
 
 
-def fig5e_paths(scene: str, rom: Trajectories, a1: Trajectories, gammas: Sequence[float]) -> Figure:
-    """Return panel (e): the paths of figure 5's trajectories from above, on both models."""
+def fig5e_paths(
+    scene: str, rom: Mapping[Setting, Episode], a1: Mapping[Setting, Episode]
+) -> Figure:
+    """Return panel (e): the paths of figure 5's episodes from above, on both models."""
     figure = new_figure(10.0, 4.0)
     left, right = figure.subplots(1, 2)
-    for axes, title, run in ((left, "reduced-order model", rom), (right, "A1", a1)):
+    for axes, title, episodes in ((left, "reduced-order model", rom), (right, "A1", a1)):
         draw_scene(axes, scenarios.make(scene))
-        for k in range(len(gammas)):
-            axes.plot(*run.position[:, k + 1].T, lw=1.4, zorder=4, **_style_of_h(k, gammas))
-        too_large = run.position[:, -1]
-        axes.plot(*too_large.T, ":", color=_DARKEST_H, lw=2.0, zorder=5)
-        axes.plot(*too_large[-1], "X", color=_DARKEST_H, mec="w", ms=9, zorder=6)
-        axes.plot([], [], ":X", color=_DARKEST_H, label="H, too large: ends here")
-        axes.plot(*run.position[:, 0].T, color=R, lw=1.8, zorder=5, label="R")
+        for episode, style in _styles_of_h(episodes):
+            axes.plot(*episode.position.T, lw=1.4, zorder=4, **style)
+        for too_large in of_role(episodes, "too large").values():
+            axes.plot(*too_large.position.T, ":", color=DARKEST_H, lw=2.0, zorder=5)
+            axes.plot(*too_large.position[-1], "X", color=DARKEST_H, mec="w", ms=9, zorder=6)
+            axes.plot([], [], ":X", color=DARKEST_H, label="H, too large: ends here")
+        for relaxed in of_role(episodes, "relaxed").values():
+            axes.plot(*relaxed.position.T, color=R, lw=1.8, zorder=5, label="R")
         axes.set_title(f"(e) {title}", fontsize=10)
     legend_below(figure, figure.axes[0])
     return figure
@@ -131,14 +142,13 @@ def fig6_series(episodes: Mapping[str, Episode]) -> Figure:
     figure = new_figure(9.0, 3.6)
     panels = figure.subplots(1, 2, sharey=True)
     for letter, axes, (name, episode) in zip("cd", panels, episodes.items(), strict=True):
-        for region, k in ((1, _H3), (2, _H4)):
-            label = f"$h_{k + 1}$, region {region}"
-            h = episode.h[:, k]
-            axes.plot(episode.time, h, color=priority_color(region), lw=1.5, label=label)
+        for column, label, priority in ((H3, "$h_3$, region 1", 1), (H4, "$h_4$, region 2", 2)):
+            h = episode.h[:, column]
+            axes.plot(episode.time, h, color=priority_color(priority), lw=1.5, label=label)
         axes.axhline(0.0, color="0.3", lw=0.8, ls="--")
-        touching = episode.time[1:][episode.obstacle_force[:, 0] > 0.0]
-        if touching.size:
-            axes.plot(touching, np.full(touching.size, -1.2), "|", color="k", ms=9)
+        contact_times = episode.time[1:][episode.obstacle_force[:, LIGHT_BOX] > 0.0]
+        if contact_times.size:
+            axes.plot(contact_times, np.full(contact_times.size, -1.2), "|", color="k", ms=9)
             axes.plot([], [], "|", color="k", label="contact with region 2's box")
         axes.set(xlabel="$t$ [s]", ylim=(-1.4, 3.0))
         axes.set_title(f"({letter}) {name}", fontsize=10)
@@ -155,8 +165,8 @@ def paths(
     Args:
         scene: the name of the scene.
         runs: label → (episode, matplotlib's line style); a label of R begins with "R".
-        title: of the panel.
-        axes: to draw on; None makes a figure.
+        title: the title of the panel.
+        axes: the panel to draw on; None makes a figure.
     """
     if axes is None:
         axes = new_figure(5.4, 4.6).add_subplot()
@@ -179,12 +189,12 @@ def fig7(scene: str, relaxed: Episode, hierarchical: Episode) -> Figure:
     paths(scene, runs, "operational space", figure.add_subplot(grid[0]))
     reference = scenarios.make(scene).reference
     p_ref = np.array([reference(t)[0] for t in relaxed.time])
-    for axis, (name, axes) in enumerate(zip("xy", _stacked(grid[1]), strict=True)):
-        axes.plot(relaxed.time, p_ref[:, axis], "--", color="0.35", lw=1.0, label="reference")
-        axes.plot(relaxed.time, relaxed.position[:, axis], color=R, lw=1.5, label="R")
-        axes.plot(hierarchical.time, hierarchical.position[:, axis], color=H, lw=1.5, label="H")
+    x_axes, y_axes = _stacked(grid[1])
+    for column, (name, axes) in enumerate((("x", x_axes), ("y", y_axes))):
+        axes.plot(relaxed.time, p_ref[:, column], "--", color="0.35", lw=1.0, label="reference")
+        axes.plot(relaxed.time, relaxed.position[:, column], color=R, lw=1.5, label="R")
+        axes.plot(hierarchical.time, hierarchical.position[:, column], color=H, lw=1.5, label="H")
         axes.set_ylabel(f"$p_{name}$ [m]")
-        if name == "x":
-            axes.set_title("position over time", fontsize=10)
-            _legend_beside(axes)
+    x_axes.set_title("position over time", fontsize=10)
+    _legend_beside(x_axes)
     return figure

@@ -18,7 +18,7 @@ HIDDEN = {"scenario": SCENE, "intentions": "hidden"}
 
 
 def drawn(seed):
-    return scenarios.family_of(SCENE).drawn([np.random.default_rng(seed)]).one(0)
+    return scenarios.family_of(SCENE).draw_scenes([np.random.default_rng(seed)]).one(0)
 
 
 def lanes(array):

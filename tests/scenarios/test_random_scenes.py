@@ -26,7 +26,7 @@ def scene(seed, name="random"):
 
 
 def drawn(seed, name="random"):
-    return scenarios.family_of(name).drawn([np.random.default_rng(seed)]).one(0)
+    return scenarios.family_of(name).draw_scenes([np.random.default_rng(seed)]).one(0)
 
 
 def regions(seed, name="random"):

@@ -157,7 +157,7 @@ def test_the_plans_are_what_the_script_draws(tmp_path):
 def test_start_and_goal_leave_room_and_a_body_gets_from_one_to_the_other(plan):
     floor = floor_plans.load(plan)
     family = scenarios.family_of(f"map-{plan}")
-    paths = family.drawn([np.random.default_rng(seed) for seed in range(50)])
+    paths = family.draw_scenes([np.random.default_rng(seed) for seed in range(50)])
     ends = np.stack([paths.start, paths.goal], axis=1)
     assert floor.distance(ends.reshape(-1, 2)).min() > CLEAR - 0.05
     assert (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= APART).all()

@@ -1,5 +1,6 @@
 import importlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -20,25 +21,21 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def rom():
-    return figure5._rom()
+    return figure5.simulate_rom()
 
 
 def test_every_claim_of_figure_5_holds_on_the_reduced_order_model(rom):
-    claims = figure5._claims("ROM", rom)
+    claims = figure5.claims_of("ROM", rom)
     assert len(claims) == 6
     assert all(claims.values()), claims
 
 
 def test_the_claims_of_figure_5_fail_on_runs_that_contradict_them(rom):
-    order = np.arange(rom.h.shape[1])[::-1]
-    swapped = rom._replace(
-        position=rom.position[:, order],
-        h=rom.h[:, order],
-        min_h=rom.min_h[order] - 2.0,
-        tracking_error=rom.tracking_error[:, order],
-        fell=~rom.fell,
-    )
-    assert not any(figure5._claims("ROM", swapped).values())
+    swapped = {
+        setting: replace(episode, min_h=episode.min_h - 2.0, fell=True)
+        for setting, episode in zip(rom, reversed(rom.values()), strict=True)
+    }
+    assert not any(figure5.claims_of("ROM", swapped).values())
 
 
 @pytest.mark.parametrize(
@@ -46,16 +43,17 @@ def test_the_claims_of_figure_5_fail_on_runs_that_contradict_them(rom):
     [(lambda g: (g - 3.0) ** 2, True), (lambda g: g, False), (lambda g: -g, False)],
 )
 def test_a_valley_is_found_where_there_is_one_and_nowhere_else(cost, holds):
-    gamma0, delta_gamma = (x.ravel() for x in np.meshgrid(np.linspace(0, 5, 41), figure5._BANDS))
+    grid = np.meshgrid(np.linspace(0, 5, 41), figure5.DELTA_GAMMA_GRID)
+    gamma0, delta_gamma = (values.ravel() for values in grid)
     samples = Samples(gamma0, delta_gamma, cost(gamma0) + 0.01 * delta_gamma)
-    assert all(figure5._map_claims("ROM", samples).values()) is holds
+    assert all(figure5.map_claims_of("ROM", samples).values()) is holds
 
 
 @pytest.mark.physics
 def test_r_brushes_the_box_that_h_avoids_and_both_reach_the_goal():
-    jobs = figures67._jobs()
+    jobs = figures67.undisturbed_jobs()
     episodes = [jobs[name].run() for name in ("R", "H")]
-    claims = figures67._claims(dict(zip(("R", "H"), episodes, strict=True)))
+    claims = figures67.claims_of(dict(zip(("R", "H"), episodes, strict=True)))
     assert len(claims) == 7
     assert all(claims.values()), claims
 
