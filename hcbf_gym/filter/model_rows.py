@@ -108,7 +108,7 @@ class ModelRows(RowMaker):
     def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
         """Return the rows (N, m, WIDTH + n_u) of accepted scenes at the present samples and u*.
 
-        No rows are made if u* (N, n_u) is not finite, or if the latest scenes are refused.
+        No rows are made if u* (N, n_u) is not finite, or if `accept` failed.
         """
         prepared, core = self._prepared, self._bound.core
         # checks the samples, raises alarms and chooses braking inputs
