@@ -1,7 +1,8 @@
-"""hcbf-gym: a prioritised control-barrier-function (CBF) safety filter for Gymnasium and robots.
+"""hcbf-gym.
 
-Rank 1 is never violated, and lower ranks are relaxed in order. In its environments a Unitree A1
-walks through ranked regions.
+A prioritised control-barrier-function (CBF) safety filter for Gymnasium and for robots: rank 1 is
+never violated, lower ranks are relaxed in order; with environments in which a Unitree A1 walks
+through ranked regions.
 """
 
 from typing import TYPE_CHECKING
