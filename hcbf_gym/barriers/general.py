@@ -69,7 +69,6 @@ class GeneralRows:
         conditioning: (m,) of the latest rows, from 0 to 1: 0 where the input does not matter, small
             where L_g ψ nearly vanishes, less than 1 at a kink of a function.
         functions: compiles the rows of functions.
-        kinks: evaluates derivatives beside x where they are not finite at x.
 
     Source: section II-C of the paper, with the high-order form for L_g h = 0.
     """
@@ -95,7 +94,7 @@ class GeneralRows:
         self._reaches = Reaches(model, self.functions)
         self._latest: Prepared | None = None
         self.conditioning = np.ones(0)
-        self.kinks = Kinks()
+        self._kinks = Kinks()
 
     def __call__(
         self,
@@ -115,7 +114,7 @@ class GeneralRows:
             margin: what rows reserve between h and zero: (m,), or one number for the rows of
                 priority 1 that read the position.
             margin_rate: (m,) or one number, d margin/dt.
-            kinks: evaluates derivatives at a kink, for a filter; None for the attribute.
+            kinks: evaluates derivatives at a kink, for a filter; None for one without u*.
 
         Raises:
             InvalidInputError: if no input enters the first or second derivative of a barrier, the
@@ -130,7 +129,7 @@ class GeneralRows:
         reserved = margin if margin.ndim else scenes.margins(float(margin))
         rows.margin[...] = _fitted("margin", reserved, shape)
         rows.margin_rate[...] = _fitted("margin_rate", margin_rate, shape)
-        self._write(scenes, states, rows, self.kinks if kinks is None else kinks)
+        self._write(scenes, states, rows, self._kinks if kinks is None else kinks)
         self._check_values(conditions, states, rows)
         ranks = scenes.scenes.priority
         if x.ndim == 1:
@@ -154,18 +153,15 @@ class GeneralRows:
                 jet = barriers[k].jet(states.x[i], float(states.t[i]))
                 checked(barriers[k], jet, self.model.n)
 
-    def write(
-        self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks | None = None
-    ) -> None:
+    def write(self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks) -> None:
         """Write the rows of N states; where a barrier raises an error, b is NaN in its scene.
 
         Args:
             scenes: the barriers of N scenes.
             states: one state for each scene.
             rows: the rows, whose margin and margin_rate are read. All other fields are written.
-            kinks: as in a call.
+            kinks: evaluates derivatives at a kink.
         """
-        kinks = self.kinks if kinks is None else kinks
         try:
             self._write(scenes, states, rows, kinks)
         except UNREADABLE:
@@ -186,7 +182,7 @@ class GeneralRows:
         prepared_scene = prepared(scene, self.functions, self.reach)
         state = States(*(field[only_i] for field in states))
         scene_rows = PackedRows(rows.numbers[only_i, :m])
-        self.write(prepared_scene, state, scene_rows, kinks.starting_at(i))
+        self.write(prepared_scene, state, scene_rows, kinks.of_plant(i))
 
     def _write(self, scenes: Prepared, states: States, rows: PackedRows, kinks: Kinks) -> None:
         """Write the rows of N states; raise the errors of users' own code."""

@@ -24,21 +24,21 @@ SMOOTH = (
 )
 
 
-@dataclass
+@dataclass(frozen=True)
 class Kinks:
-    """Evaluates barriers of N plants beside a kink, and warns once of each barrier with one."""
+    """Evaluates barriers of N plants beside a kink at one step, and warns once of each barrier."""
 
     u: Array | None = None  # (n_u,) or (N, n_u) u* of the plants; None where it is not known
-    first: int = 0  # the plant that has index 0 in a call for some of the plants
-    warned: set[str] = field(default_factory=set)  # the names of barriers with a warning
+    warned_names: set[str] = field(default_factory=set)  # of barriers, shared by all steps
 
-    def starting_at(self, i: int) -> "Kinks":
-        """Return an object for the plants from i on, which shares u* and the given warnings."""
-        return Kinks(self.u, self.first + i, self.warned)
+    def of_plant(self, i: int) -> "Kinks":
+        """Return an object for plant i alone, which has the index 0 in its calls."""
+        u = None if self.u is None else np.atleast_2d(self.u)[i]
+        return Kinks(u, self.warned_names)
 
     def states_beside(self, model: ReducedOrderModel, x: Array, i: int) -> Iterator[Array]:
         """Yield states (n,) one step beside the state x (n,) of plant i, the best one first."""
-        u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[self.first + i]
+        u = np.zeros(model.n_u) if self.u is None else np.atleast_2d(self.u)[i]
         f, g = model.terms(x)
         if isinstance(model, DoubleIntegrator):
             v = x[model.n_u :]
@@ -79,8 +79,8 @@ class Kinks:
 
     def warn_once(self, barrier: Barrier, x: Array) -> None:
         """Warn that the derivatives of a barrier at the state x (n,) are those beside it."""
-        if barrier.name not in self.warned:
-            self.warned.add(barrier.name)
+        if barrier.name not in self.warned_names:
+            self.warned_names.add(barrier.name)
             warn_caller(
                 f"{barrier.name}: h is finite and its gradient is not at x = {x.tolist()}: it is "
                 f"taken {STEP:g} beside, along the motion; {SMOOTH}",
@@ -89,4 +89,4 @@ class Kinks:
 
 
 def _is_finite(jet: Jet) -> bool:
-    return all(np.isfinite(field).all() for field in jet)
+    return all(np.isfinite(derivative).all() for derivative in jet)

@@ -183,14 +183,11 @@ class BarrierSet:
         """(N, m) whether a barrier is a built-in shape."""
         return self.kind < layout.SPEED_LIMIT
 
-    @property
-    def moves(self) -> Mask:
-        """(N,) whether a scene depends on time; users' own barriers are sampled for that."""
-        velocity = self.parameters[..., [layout.VELOCITY_X, layout.VELOCITY_Y]]
-        moving = (self.is_region[..., None] & (velocity != 0.0)).any(axis=(1, 2))
-        for (i, _), barrier in self.own.items():
-            moving[i] = moving[i] or reads_time(barrier, 4)
-        return moving
+    def depends_on_time(self, n: int) -> bool:
+        """Return whether a barrier depends on time; users' own are sampled at states (n,)."""
+        velocity = self.parameters[self.is_region][:, [layout.VELOCITY_X, layout.VELOCITY_Y]]
+        own = {id(barrier): barrier for barrier in self.own.values()}.values()
+        return bool(velocity.any()) or any(reads_time(barrier, n) for barrier in own)
 
     def conditions(self, i: int = 0) -> list[Condition]:
         """Return the conditions of scene `i` in the order of rows; an empty place is "nothing"."""

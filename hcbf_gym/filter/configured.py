@@ -105,7 +105,7 @@ class FilterConfig:
         self._make_program(held)
 
     @cached_property
-    def reserve(self) -> Reserve:
+    def row_margins(self) -> Reserve:
         """Derives the margins of rows whose h is no built-in shape of the double integrator."""
         fixed = self.uncertainty.distance - self._derived_distance
         return Reserve(self.plant.model, self.input_set, self.uncertainty, fixed, self.plant.period)

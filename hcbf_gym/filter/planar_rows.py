@@ -13,46 +13,27 @@ from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.many import are_same
 from hcbf_gym.barriers.planar_rows import Reserved, instant_rows, write_own_row
 from hcbf_gym.barriers.relative_degree import ReachedBarriers
-from hcbf_gym.barriers.rows import MARGIN, PLACED, USABLE, WIDTH, B
+from hcbf_gym.barriers.rows import MARGIN, USABLE, B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Entry, UncertainStates
 from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import FilterConfig
-from hcbf_gym.filter.samples import Samples, Snapshot
+from hcbf_gym.filter.row_maker import RowMaker
+from hcbf_gym.filter.samples import Samples
 
 
-class PlanarRows:
-    """Makes the rows of users' own barriers. `ModelRows` has the same methods for other models.
-
-    `Scenes` calls them when barriers change, and `FilterCore` at every step.
-    """
+class PlanarRows(RowMaker):
+    """Makes the rows of users' own barriers; `make` is not called in scenes without any."""
 
     def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
-        self._config, self._samples, self._bound = config, samples, bound
-        self._kinks = Kinks()
+        super().__init__(config, samples, bound)
         self._accepted: tuple[Barrier, ...] = ()
-        self.resize(0)
-
-    def check(self, barriers: object, given: BarrierSet) -> None:
-        """Accept all barriers: each has a row of this model."""
-
-    def moves(self, scenes: BarrierSet) -> bool:
-        """Return whether a barrier of N scenes depends on time."""
-        return bool(scenes.moves.any())
 
     def resize(self, m: int) -> None:
         """Allocate the rows (N, m, WIDTH + 2) of scenes of m barriers."""
-        self._rows: Array = np.zeros((self._config.count, m, WIDTH + 2))
-        self._rows[..., PLACED] = 1.0
-
-    def snapshot(self) -> Snapshot:
-        """Return a copy of the samples, for `restore`."""
-        return self._samples.snapshot()
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Set the samples back to a snapshot."""
-        self._samples.restore(snapshot)
+        super().resize(m)
+        self._rows.reads_position[...] = 1.0
 
     def accept(self, scenes: BarrierSet) -> ReachedBarriers:
         """Return users' own barriers in changed scenes; none if they are the same objects."""
@@ -67,16 +48,13 @@ class PlanarRows:
         return ReachedBarriers(barriers, reaches)
 
     def evaluate_previous(self, scenes: BarrierSet) -> bool:
-        """Evaluate the scenes until now at the present states, for comparison with the next ones.
+        """Evaluate the previous scenes at the present states, unless users' own barriers are there.
 
         A step is VIOLATED if its strict conditions lack more than those of the previous scene did.
         The least h − m [m] and the least ψ [m/s] of that scene are written into the plants'
         records. All else that this evaluation changes is restored.
-
-        Returns:
-            Whether the scenes could be evaluated. Scenes with users' own barriers are not.
         """
-        if scenes.own or scenes.kind.shape[1] != self._rows.shape[1]:
+        if scenes.own or scenes.kind.shape[1] != self._rows.numbers.shape[1]:
             return False
         snapshot = self._samples.snapshot()
         self._bound.u_nominal[...] = 0.0
@@ -90,30 +68,31 @@ class PlanarRows:
         return True
 
     def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
-        """Return rows (N, m, WIDTH + 2), written for users' own barriers if u* (N, 2) is finite."""
-        self._kinks.u = u_nominal
-        if np.isfinite(u_nominal).all():
-            self._bound.core.check_states()
-            self._reserve_and_write(scenes)
-        return self._rows
+        """Return rows (N, m, WIDTH + 2), written for users' own barriers if u* (N, 2) is finite.
 
-    def _reserve_and_write(self, scenes: BarrierSet) -> None:
-        """Write the margin of each row, then the row; b is NaN if a barrier is unreadable."""
-        config, plants, rows = self._config, self._samples.plants, self._rows
-        settings, reserve = config.row_settings, config.reserve
+        The margin of each row is written first. b is NaN if a barrier is unreadable.
+        """
+        config, plants, rows = self._config, self._samples.plants, self._rows.numbers
+        if not np.isfinite(u_nominal).all():
+            return rows
+        self._bound.core.check_states()
+        settings, margins = config.row_settings, config.row_margins
         entries = [Entry(i, k, barrier) for (i, k), barrier in scenes.own.items()]
         states = UncertainStates(*(plants[name].copy() for name in UncertainStates._fields))
         # only margins for an error of the position depend on slopes
-        sloping = entries if self._samples.is_uncertain or reserve.is_steep else []
-        reserve.write(scenes, sloping, states, plants["growth"].copy(), rows)
+        sloping = entries if self._samples.is_uncertain or margins.is_steep else []
+        margins.write(scenes, sloping, states, plants["growth"].copy(), rows)
         look_ahead = 0.0 if config.plant.axle is None else config.plant.axle.look_ahead
+        kinks = Kinks(u_nominal, self._warned_of_kinks)
         for i, k, barrier in entries:
-            row, kinks = rows[i, k], self._kinks.starting_at(i)
+            row = rows[i, k]
             if barrier.reads_position:  # the row is that of a point before the axle
                 row[MARGIN] += look_ahead
-            reserved, t = Reserved(*row[MARGIN:USABLE].tolist()), float(plants["time"][i])
+            reserved = Reserved(*row[MARGIN:USABLE].tolist())
+            x, t = plants["x"][i], float(plants["time"][i])
             try:
                 with np.errstate(all="ignore"):
-                    write_own_row(barrier, plants["x"][i], t, settings, reserved, row, kinks)
+                    write_own_row(barrier, x, t, settings, reserved, row, kinks.of_plant(i))
             except UNREADABLE:
                 row[B] = np.nan
+        return rows

@@ -7,9 +7,12 @@ several barriers the same conditions. Objects are compared by identity, never by
 import operator
 from typing import Any
 
+from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Flat, Read, are_same, flattened, is_list
+from hcbf_gym.barriers.mapped import Mapped
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import InvalidInputError, shown
+from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 SceneTuples = tuple[tuple[Any, ...], ...]
 """One scene for all plants, or N scenes, each a tuple of elements."""
@@ -87,3 +90,24 @@ class SceneReader:
             scenes[0] is barriers or all(map(operator.is_, scenes, barriers))
         )
         self._scenes, self._immutable = scenes, barriers if is_immutable else None
+
+
+def check_general(barriers: object, given: BarrierSet, model: ReducedOrderModel) -> None:
+    """Refuse barriers, and the set read from them, that only planar double integrators have."""
+    if isinstance(barriers, BarrierSet):
+        raise InvalidInputError(
+            f"plant: got the scenes of an environment with {model}, expected a sequence of "
+            "barriers: they have rows of the planar double integrator alone"
+        )
+    for scene in given.listed:
+        if not all(isinstance(barrier, Barrier) for barrier in scene):
+            raise InvalidInputError(
+                f"barriers: got {scene!r}, expected a sequence of objects of classes derived "
+                "from hcbf_gym.barriers.Barrier"
+            )
+        mapped = [barrier.name for barrier in scene if isinstance(barrier, Mapped)]
+        if mapped:
+            raise InvalidInputError(
+                f"barriers: got the classes {mapped} of a map, expected them for a plant of "
+                "the planar double integrator: only its rows look beyond the nearest piece"
+            )

@@ -24,13 +24,12 @@ from hcbf_gym.errors import (
 from hcbf_gym.filter import gatekeeper
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.covering import EpisodeCoverage
-from hcbf_gym.filter.model_rows import ModelRows
 from hcbf_gym.filter.nearness import Nearness
-from hcbf_gym.filter.planar_rows import PlanarRows
 from hcbf_gym.filter.plants import CHANGED, COMPARED
+from hcbf_gym.filter.row_maker import RowMaker
 from hcbf_gym.filter.samples import Samples
 from hcbf_gym.filter.scan_ages import ScanAges
-from hcbf_gym.filter.scene_reader import SceneReader
+from hcbf_gym.filter.scene_reader import SceneReader, check_general
 from hcbf_gym.models.plant import Coverage, Estimate
 
 
@@ -58,7 +57,7 @@ class Scenes:
         self,
         config: FilterConfig,
         samples: Samples,
-        rows: PlanarRows | ModelRows,
+        rows: RowMaker,
         coverage: EpisodeCoverage,
     ):
         self._config, self._samples, self._rows, self._coverage = config, samples, rows, coverage
@@ -168,8 +167,8 @@ class Scenes:
                 self._warn_once("far", f"far from the origin: {error}", SafetyWarning)
                 raise
         given = self.read(barriers)
-        if given is not self._given:
-            self._rows.check(barriers, given)
+        if given is not self._given and not self._config.is_planar:
+            check_general(barriers, given, self.plant.model)
         return given
 
     def _replace(self, given: BarrierSet, since: float | None) -> None:
@@ -217,7 +216,8 @@ class Scenes:
         self.is_refused, self.refusal = False, None
         try:
             with np.errstate(all="ignore"):
-                self._needs_time = self.plant.period is None and self._rows.moves(scenes)
+                n = self.plant.model.n
+                self._needs_time = self.plant.period is None and scenes.depends_on_time(n)
                 self.check_limits(scenes)
                 if self._config.gate is not None:
                     gatekeeper.check_scene(scenes)

@@ -1,4 +1,4 @@
-"""The settings of a filter, and how α and the margins of its rows follow from them."""
+"""The settings of a filter, the checks of them, and how α and the margins of rows follow."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -6,12 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hcbf_gym import programs
+from hcbf_gym.arrays import Mask
 from hcbf_gym.barriers import class_k
 from hcbf_gym.barriers.class_k import ClassK, LogClassK
 from hcbf_gym.barriers.relative_degree import samples
 from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
+from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 ROW_OPTIONS = ("alpha1", "alpha2", "alpha_speed")
 """The options that belong to rows; all others belong to the program."""
@@ -103,3 +105,45 @@ def row_uncertainty(plant: Plant, margin: float | None, dip: float) -> Uncertain
             distance=distance, per_velocity=0.0, per_lead=0.0, cap=0.0, confidence=0.0
         )
     return declared._replace(distance=declared.distance + dip)
+
+
+def check_uncertainty(plant: Plant) -> None:
+    """Refuse an uncertainty that has no meaning for the plant's model."""
+    model, declared = plant.model, plant.uncertainty
+    meaningless: dict[str, str] = {}  # field of `Uncertainty` → why
+    if model.velocity_at != 2:
+        no_velocity = "it has no velocity in x[2:4] that a speed limit reads"
+        meaningless = {"speed": no_velocity, "speed_per_velocity": no_velocity}
+    if declared.per_velocity > 0.0 and not has_drift(model):
+        meaningless["per_velocity"] = "its velocity is the input, so that no body lags behind it"
+    for name, reason in meaningless.items():
+        value = getattr(declared, name)
+        if value > 0.0:
+            raise InvalidInputError(
+                f"plant: uncertainty: {name}: got {value:g} with {model}, expected 0: {reason}"
+            )
+
+
+def has_drift(model: ReducedOrderModel) -> bool:
+    """Return whether the velocity under one input differs between sampled states."""
+    terms = model.terms_of(samples(model)[0])
+    return any(np.ptp(term[:, : model.n_p], axis=0).any() for term in terms)
+
+
+def input_states(model: ReducedOrderModel) -> Mask:
+    """Return (n,) from which entries of x the monitor infers the input that acted.
+
+    An entry belongs to the motion instead, if an input drives it directly and f neither moves nor
+    depends on it.
+    """
+    states, _ = samples(model)
+    is_driven = np.zeros(model.n, dtype=np.bool_)
+    is_in_drift = np.zeros(model.n, dtype=np.bool_)
+    for x in states:
+        f = model.f(x)
+        is_driven |= (model.g(x) != 0.0).any(axis=1)
+        is_in_drift |= f != 0.0
+        for k in range(model.n):
+            shifted = x + 0.1 * (np.arange(model.n) == k)
+            is_in_drift[k] |= bool((model.f(shifted) != f).any())
+    return is_in_drift | ~is_driven

@@ -105,11 +105,11 @@ def test_nothing_is_entered_at_the_kink_of_a_minimum(model, case):
 
 
 def test_a_batch_takes_each_plants_own_direction():
-    kinks, model = Kinks(), DoubleIntegrator()
-    kinks.u = np.array([[0.0, 2.0], [3.0, 0.0]])
+    u, model = np.array([[0.0, 2.0], [3.0, 0.0]]), DoubleIntegrator()
+    kinks = Kinks(u)
     for i, x in ((0, np.zeros(4)), (1, np.zeros(4)), (1, np.array([1.0, 1.0, 0.0, -2.0]))):
         d = (next(kinks.states_beside(model, x, i)) - x) / 1e-6
-        expected = x[2:] if x.any() else kinks.u[i]
+        expected = x[2:] if x.any() else u[i]
         expected = np.tile(expected / np.linalg.norm(expected), 2) / math.sqrt(2.0)
         np.testing.assert_allclose(d, expected, atol=1e-9)
 
