@@ -26,7 +26,6 @@ from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import WIDTH, CbfRows, PackedRows, States
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.errors import (
-    UNREADABLE,
     InvalidInputError,
     finite_array,
     instance,
@@ -164,7 +163,7 @@ class GeneralRows:
         """
         try:
             self._write(scenes, states, rows, kinks)
-        except UNREADABLE:
+        except Exception:  # a user's own barrier or model may raise anything
             if len(states.x) == 1:
                 rows.b[...] = np.nan
                 return

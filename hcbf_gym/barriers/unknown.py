@@ -9,7 +9,6 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Uncertainty
@@ -137,7 +136,7 @@ def slopes_of(
         try:
             gradient[plants, k], hessian = _derivatives(barrier, x[plants], time[plants])
             loss[plants, k] = _second_order_loss(hessian, root[plants], error[plants])
-        except UNREADABLE:  # the barrier is a user's own
+        except Exception:  # a user's own barrier may raise anything
             gradient[plants, k] = np.nan
     return Slopes(gradient, loss)
 

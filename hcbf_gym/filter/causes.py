@@ -8,7 +8,7 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import SMOOTH
 from hcbf_gym.barriers.many import Shapes
-from hcbf_gym.errors import UNREADABLE, SafetyWarning, shown, warn_caller
+from hcbf_gym.errors import SafetyWarning, shown, warn_caller
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.samples import Samples, real_array
 from hcbf_gym.filter.scenes import Scenes
@@ -90,7 +90,7 @@ class CauseFinder:
         place = f"at x = {shown(x.tolist())}, t = {t:.6g} s"
         try:
             f, g = model.terms(x)
-        except UNREADABLE as error:
+        except Exception as error:  # a user's own model may raise anything
             return f"{model} has no f and g {place}: {error}"
         if not (np.isfinite(f).all() and np.isfinite(g).all()):
             return f"f or g of {model} is not finite {place}"

@@ -270,6 +270,9 @@ class FilterCore:
         if callable(brake):
             x = self.samples.x[i].copy()
             x[:2] += self.samples.origin.at
-            brake = brake(x) if self.samples.plants["known"][i] else None
+            try:
+                brake = brake(x) if self.samples.plants["known"][i] else None
+            except Exception:  # a user's own function may raise anything, and counts as invalid
+                brake = None
         u = real_numbers(brake, (n_u,))
         return self.input_set.project(np.zeros(n_u) if u is None else u)

@@ -85,7 +85,6 @@ class ModelRows(RowMaker):
 
     def accept(self, scenes: BarrierSet) -> ReachedBarriers:
         """Prepare changed scenes; return their distinct barriers and how inputs reach them."""
-        self._prepared = None
         listed = cast("list[Conditions]", scenes.listed)  # `check_general` refuses `Shapes`
         if not self._warned_of_concave:
             self._warned_of_concave = True
@@ -105,10 +104,14 @@ class ModelRows(RowMaker):
         distinct_scenes = listed[: len(prepared.reaches)]
         return ReachedBarriers(list(chain.from_iterable(distinct_scenes)), reaches)
 
+    def forget(self) -> None:
+        """Forget the prepared scenes."""
+        self._prepared = None
+
     def make(self, scenes: BarrierSet, u_nominal: Array) -> Array:
         """Return the rows (N, m, WIDTH + n_u) of accepted scenes at the present samples and u*.
 
-        No rows are made if u* (N, n_u) is not finite, or if `accept` failed.
+        No rows are made if u* (N, n_u) is not finite, or if the scenes are refused.
         """
         prepared, core = self._prepared, self._bound.core
         # checks the samples, raises alarms and chooses braking inputs

@@ -25,7 +25,6 @@ from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.many import Flat
 from hcbf_gym.barriers.set import BarrierSet, places_of
-from hcbf_gym.errors import UNREADABLE
 
 AVERAGING_TIME = 0.1
 """Time constant over which undeclared approach is averaged [s]."""
@@ -132,7 +131,7 @@ def _height(barrier: Barrier, x: Array, t: float) -> float:
     try:
         jet = barrier.jet(x, t)
         return float(jet.h) if np.any(jet.gradient[:2]) else math.nan
-    except UNREADABLE:
+    except Exception:  # it may raise anything
         return math.nan
 
 

@@ -16,7 +16,6 @@ from hcbf_gym.barriers.relative_degree import ReachedBarriers
 from hcbf_gym.barriers.rows import MARGIN, USABLE, B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Entry, UncertainStates
-from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.row_maker import RowMaker
@@ -40,12 +39,15 @@ class PlanarRows(RowMaker):
         barriers = tuple(scenes.own.values())
         if are_same(barriers, self._accepted):
             return ReachedBarriers((), ())
-        self._accepted = ()  # an error below must not leave these barriers accepted
         instant = instant_rows(self._config.row_settings)
         reaches = [instant.reach(barrier) for barrier in barriers]
         warn_of_concave(barriers, self._config.plant.model)
         self._accepted = barriers
         return ReachedBarriers(barriers, reaches)
+
+    def forget(self) -> None:
+        """Forget the accepted barriers."""
+        self._accepted = ()
 
     def evaluate_previous(self, scenes: BarrierSet) -> bool:
         """Evaluate the previous scenes at the present states, unless users' own barriers are there.
@@ -93,6 +95,6 @@ class PlanarRows(RowMaker):
             try:
                 with np.errstate(all="ignore"):
                     write_own_row(barrier, x, t, settings, reserved, row, kinks.of_plant(i))
-            except UNREADABLE:
+            except Exception:  # a user's own barrier may raise anything
                 row[B] = np.nan
         return rows

@@ -17,8 +17,9 @@ class RowMaker(ABC):
     """Makes the rows of N plants of one model.
 
     When barriers change, `Scenes` calls `evaluate_previous` with the previous scenes, then `accept`
-    with the new ones. At a step, `FilterCore` calls `resize` if the number of barriers has changed,
-    then `make`. It undoes the step of a reset by `snapshot` and `restore`.
+    with the new ones, and `forget` if these are refused. At a step, `FilterCore` calls `resize` if
+    the number of barriers has changed, then `make`. It undoes the step of a reset by `snapshot` and
+    `restore`.
     """
 
     def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
@@ -33,6 +34,10 @@ class RowMaker(ABC):
     @abstractmethod
     def accept(self, scenes: BarrierSet) -> ReachedBarriers:
         """Take over changed scenes; return new barriers, and how inputs reach them."""
+
+    @abstractmethod
+    def forget(self) -> None:
+        """Forget scenes that are refused, so that none of their barriers counts as checked."""
 
     def resize(self, m: int) -> None:
         """Allocate the rows (N, m, WIDTH + n_u) of scenes of m barriers."""

@@ -15,7 +15,6 @@ from hcbf_gym.barriers.relative_degree import ReachedBarriers
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shortcomings import shortcomings
 from hcbf_gym.errors import (
-    UNREADABLE,
     CoverageWarning,
     InvalidInputError,
     SafetyWarning,
@@ -222,8 +221,9 @@ class Scenes:
                 if self._config.gate is not None:
                     gatekeeper.check_scene(scenes)
                 self._check_inputs(self._rows.accept(scenes))
-        except UNREADABLE as error:
+        except Exception as error:  # a user's own barriers may raise anything
             self.is_refused, self.refusal, self.error = True, error, error
+            self._rows.forget()
 
     def _differs(self, given: BarrierSet) -> Mask:
         """Return (N,) whether the barriers of a plant are other objects than before."""

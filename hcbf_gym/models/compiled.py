@@ -6,7 +6,6 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.reduced_order import BuiltIn, ReducedOrderModel
 
 Shapes = tuple[tuple[int, ...], ...]
@@ -55,7 +54,7 @@ def _evaluated(
     count = len(arguments[0])
     try:
         return tuple(_checked(function(*arguments), shapes, count))
-    except UNREADABLE:
+    except Exception:  # a user's own model may raise anything
         if count == 1:
             return tuple(np.full((1, *shape), np.nan) for shape in shapes)
     one_by_one = ([argument[i : i + 1] for argument in arguments] for i in range(count))

@@ -10,7 +10,6 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import Drive, Motion
-from hcbf_gym.errors import UNREADABLE
 from hcbf_gym.models.plant import Estimate
 from hcbf_robots.envs.walker_physics import WalkerPhysics
 from hcbf_robots.walkers.motion_monitor import MotionMonitor
@@ -146,7 +145,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
         assert self._controller is not None
         try:
             action = np.asarray(self._controller(observation), dtype=np.float64)
-        except UNREADABLE:
+        except Exception:  # a user's own controller may raise anything
             action = np.array([np.nan])
         if action.shape == self._action.shape and math.isfinite(np.add.reduce(action)):
             self._action[:] = action
