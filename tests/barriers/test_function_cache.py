@@ -37,11 +37,10 @@ def test_a_new_closure_in_each_of_200_steps_compiles_at_most_nine_times_and_warn
         for k in range(200):
             p = np.array([*rng.normal(3.0, 0.3, 2), 1.0])
             new = Function("seen", 1, lambda x, t, p=p: clear(x, t, p))
-            began = time.perf_counter()
+            began = time.process_time()  # which other processes do not lengthen
             rows = make([new], x)
-            slowest = max(
-                slowest, (time.perf_counter() - began) * (k > function_cache.MAX_TUPLES + 2)
-            )
+            if k > function_cache.MAX_TUPLES + 2:
+                slowest = max(slowest, time.process_time() - began)
             a, b = expected(x, p)
             np.testing.assert_allclose(rows.a[0], a, atol=1e-12)
             np.testing.assert_allclose(rows.b[0], b, atol=1e-12)
@@ -52,7 +51,7 @@ def test_a_new_closure_in_each_of_200_steps_compiles_at_most_nine_times_and_warn
     assert len(warned) == 1
     assert "parameters=p" in str(warned[0].message)
     assert objects[1] - objects[0] < 2000
-    assert slowest < 5.0  # a second where other processes want the machine, too
+    assert slowest < 1.0  # nothing was compiled
 
 
 def test_with_parameters_it_compiles_once_and_every_value_counts():
