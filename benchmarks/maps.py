@@ -4,6 +4,7 @@
 `maps` runs them all. Entries are judged by the exact squares, at every step of the physics.
 """
 
+import os
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -212,10 +213,13 @@ def walk(robot: str, floor: RankedMap, number: int) -> tuple[float, float]:
 
 
 def walkers(count: int) -> Table:
-    """Attack A1, cart and Go1 on the densest map; a covered distance above 0 is an exact one."""
+    """Attack A1, cart and Go1 on the densest map; a covered distance above 0 is an exact one.
+
+    The Go1 is left out where its files are not: they are in ``$HCBF_DATA``.
+    """
     name, floor = max(maps().items(), key=lambda item: len(item[1].conditions[0].pieces))
     rows = []
-    for robot in WALKERS:
+    for robot in WALKERS if os.environ.get("HCBF_DATA") else ("a1", "cart"):
         least, body = np.array(parallel(walk, ((robot, floor, k) for k in range(count)))).T
         entered = counted(int((np.minimum(least, body) < 0.0).sum()), count)
         rows.append({
