@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.envs.task import CONTROL_DT
-from hcbf_robots.walkers.motion_monitor import MEASURED_SHARE
+from hcbf_robots.walkers.motion_monitor import MEASURED_TOLERANCE
 from hcbf_robots.walkers.walker_parts import Command
 from hcbf_robots.walkers.walker_response import AVERAGING_TIME, Response
 
@@ -153,7 +153,7 @@ def _lasting(command: Command, fits: tuple[Fit, ...], record: Record) -> float:
     residual = command.in_plane(record.done) - predicted
     deviations = np.hypot(*_window_integrals(residual, AVERAGING_TIME).T)
     paths = _window_integrals(np.hypot(*predicted.T), AVERAGING_TIME)
-    excess = float(np.percentile(deviations - MEASURED_SHARE * paths, ALMOST_ALWAYS))
+    excess = float(np.percentile(deviations - MEASURED_TOLERANCE * paths, ALMOST_ALWAYS))
     return max(0.0, excess) / AVERAGING_TIME
 
 

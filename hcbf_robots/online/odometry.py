@@ -102,8 +102,7 @@ class Odometry:
         if not self._monitor.is_measured or now - since > PROPAGATED_FOR:
             self._age_error = max(self._age_error, error_by_twist)
             return by_twist, twist
-        pose, twist = pose.copy(), twist.copy()
-        error_by_commands = self._monitor.propagate(pose, twist, since, now)  # changes both
+        pose, twist, error_by_commands = self._monitor.propagate(pose, twist, since, now)
         state_of = self._follower.measured_state
         distance = float(np.hypot(*(state_of(pose, twist) - state_of(by_twist, twist))[:2]))
         # by the triangle inequality, the second term bounds the error of this pose, too

@@ -157,8 +157,8 @@ def test_a_robot_is_propagated_by_its_commands():
         pose = pose + fine * np.array([cos * twist[0], sin * twist[0], twist[2]])
         if k >= 500 and k % 50 == 49:
             for back in (0, 20, 190, 400):
-                at, moves = (one.copy() for one in seen[k - back])
-                may_miss = monitor.propagate(at, moves, fine * (k - back), fine * k)
+                since = fine * (k - back)
+                at, moves, may_miss = monitor.propagate(*seen[k - back], since, fine * k)
                 np.testing.assert_allclose(at, seen[k][0], atol=5e-3)
                 np.testing.assert_allclose(moves, seen[k][1], atol=3e-2)
                 assert np.linalg.norm((at - seen[k][0])[:2]) <= may_miss + 1e-9
@@ -173,8 +173,8 @@ def test_the_effect_of_a_command_after_its_time_is_reserved():
         for k in range(20):
             time = k * (0.05 + lapse)
             monitor.command(np.array([1.0, 0.0]), time, time + 0.05)
-        at, moves = np.zeros(3), np.zeros(3)
-        reserved.append(monitor.propagate(at, moves, time - 0.3, time))
+        propagated = monitor.propagate(np.zeros(3), np.zeros(3), time - 0.3, time)
+        reserved.append(propagated.position_error)
     assert reserved[1] > reserved[0] + 0.05
 
 
