@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from hcbf_gym import _core
-from hcbf_gym.arrays import Array, Mask, attributes, words_of
+from hcbf_gym.arrays import Array, Mask, Records, attributes, words_of
 from hcbf_gym.errors import InvalidInputError, choose, finite_float
 from hcbf_gym.locomotion import qp
 from hcbf_gym.locomotion.gait import GAITS, Gait
@@ -48,6 +48,28 @@ class Diagnostics(NamedTuple):
     qp_failed: int  # programs without a solution since reset; the torques before were held
 
 
+class WorkspaceViews(NamedTuple):
+    """Views of the core's workspace, whose numbers every tick overwrites."""
+
+    unknowns: Array  # (12,) of the QP: Python writes DAQP's solution here, for the core to read
+    feedforward: Array  # (12,) the torques that follow from the unknowns [N·m]
+    torque: Array  # (12,) feedforward and feedback within the limits [N·m]
+    programs: list[qp.QuadraticProgram]  # by the number of feet in stance, 0 to 4
+    unbounded_solutions: list[qp.Solution]  # of these programs, where no bound is active
+
+    @classmethod
+    def of(cls, workspace: Records) -> "WorkspaceViews":
+        """Return the views of a workspace (1,)."""
+        work = attributes(workspace)
+        programs = [_program_in(work, contacts) for contacts in range(5)]
+        # the core solves a program without active bounds, and then all multipliers are zero
+        unbounded_solutions = [
+            qp.Solution(work.z, qp.OPTIMAL, multipliers=np.zeros(len(program.lower)))
+            for program in programs
+        ]
+        return cls(work.z, work.feedforward, work.torque, programs, unbounded_solutions)
+
+
 class LocomotionController:
     """Walks a quadruped so that its trunk accelerates by u in the plane.
 
@@ -83,38 +105,36 @@ class LocomotionController:
         self.robot = read_robot(xml_file)
         self.model = RobotModel(self.robot)
         chosen_gait = choose("gait", gait, GAITS)
-        settings = (
-            finite_float("timestep", timestep, minimum=0.0, exclusive=True),
-            check_friction(friction),
-            self.robot.stall_torque,
-            self.robot.no_load_speed,
-            self.robot.home_height,
-            _speed_cap(chosen_gait, max_speed),
-            choose("heading", heading, {"velocity": True, "fixed": False}),
-            self.robot.foot_radius,
-            chosen_gait,
-            self.model.legs,
-            _core.nominal_stance(self.model.legs.hip),
-            self.model.bodies,
-        )
-        self._settings = np.array([settings], dtype=SETTINGS)
+        self._settings = np.zeros(1, dtype=SETTINGS)
+        settings: Any = attributes(self._settings)
+        settings.timestep = finite_float("timestep", timestep, minimum=0.0, exclusive=True)
+        settings.friction = check_friction(friction)
+        settings.stall_torque = self.robot.stall_torque
+        settings.no_load_speed = self.robot.no_load_speed
+        settings.height = self.robot.home_height
+        settings.max_speed = _speed_cap(chosen_gait, max_speed)
+        settings.follow_velocity = choose("heading", heading, {"velocity": True, "fixed": False})
+        settings.foot_radius = self.robot.foot_radius
+        settings.gait = chosen_gait
+        settings.legs = self.model.legs
+        settings.nominal = _core.nominal_stance(self.model.legs.hip)
+        settings.bodies = self.model.bodies
+
+        # The compiled tick has no state of its own. It reads the settings, and writes to the memory
+        # (what one tick leaves for the next) and the workspace (the QP and its torques).
         self._memory = np.zeros(1, dtype=MEMORY)
-        self.stance: Mask = self._memory["targets"]["stance"][0]
         workspace = np.zeros(1, dtype=WORKSPACE)
-        records = self._settings, self._memory, workspace
-        self._compiled = _core.LocomotionTick(*map(words_of, records))
-        work = attributes(workspace)
-        self._tick_torque, self._feedforward, self._z = work.torque, work.feedforward, work.z
-        self._programs = [_program_in(work, contacts) for contacts in range(5)]
-        # where no bound is active, the solution is in the workspace and the multipliers are zero
-        self._unbounded_solutions = [
-            qp.Solution(work.z, qp.OPTIMAL, np.zeros(len(program.lower)))
-            for program in self._programs
-        ]
-        self._program = self._programs[0]
-        self._is_reset = False
-        self._solution: qp.Solution | None = None
+        self._compiled = _core.LocomotionTick(
+            words_of(self._settings), words_of(self._memory), words_of(workspace)
+        )
+        self.stance: Mask = self._memory["targets"]["stance"][0]
+        self._views = WorkspaceViews.of(workspace)
+
+        # of the latest tick
+        self._program = self._views.programs[0]
+        self._solution: qp.Solution | None = None  # None until the first tick after a reset
         self._torque = np.zeros(12)
+        self._is_reset = False
         self.solved = 0
         self.failed = 0
 
@@ -136,9 +156,10 @@ class LocomotionController:
         memory.targets.stance[:] = True
         memory.targets.motion[:, 0] = feet
         memory.targets.foothold[:] = feet[:, :2]
-        self._feedforward[:] = 0.0
+        self._views.feedforward[:] = 0.0
         self._torque = np.zeros(12)
-        self._is_reset, self._solution = True, None
+        self._solution = None
+        self._is_reset = True
         self.solved = 0
         self.failed = 0
 
@@ -152,19 +173,21 @@ class LocomotionController:
             state: the state as measured now.
             u: (2,) desired acceleration of the trunk in the world [m/s²].
         """
+        views = self._views
         contacts, no_bound_is_active = self._compiled.tick(state.vector, u)
-        self._program = self._programs[contacts]
+        self._program = views.programs[contacts]
         if no_bound_is_active:
-            solution = self._unbounded_solutions[contacts]
+            solution = views.unbounded_solutions[contacts]
         else:
             solution = qp.solve(self._program)
             if solution.x is not None:
-                self._z[:] = solution.x
+                views.unknowns[:] = solution.x
             self._compiled.finish(solution.x is not None)
         is_solved = solution.x is not None
         self.solved += is_solved
         self.failed += not is_solved
-        self._torque, self._solution = self._tick_torque.copy(), solution
+        self._solution = solution
+        self._torque = views.torque.copy()
         return self._torque
 
     @property
@@ -191,7 +214,7 @@ class LocomotionController:
             foot_position=targets.motion[:, 0].copy(),
             foothold=targets.foothold.copy(),
             torque=self._torque.copy(),
-            feedforward=self._feedforward.copy(),
+            feedforward=self._views.feedforward.copy(),
             qp_exitflag=0 if solution is None else solution.exitflag,
             qp_residual=0.0 if solution is None else qp.residual(self._program, solution),
             qp_solved=self.solved,
@@ -201,8 +224,9 @@ class LocomotionController:
 
 def _program_in(work: Any, contacts: int) -> qp.QuadraticProgram:
     """Return the program of a number of feet in stance, as views of the core's workspace."""
-    rows = 12 + 4 * contacts  # torques of the joints, then friction pyramids; 12 unknowns
-    A, lower, upper = work.A[:rows], work.lower[: 12 + rows], work.upper[: 12 + rows]
+    rows = 12 + 4 * contacts  # the joints' torques, then a friction pyramid for each foot
+    bounds = 12 + rows  # those of the 12 unknowns come first
+    A, lower, upper = work.A[:rows], work.lower[:bounds], work.upper[:bounds]
     return qp.QuadraticProgram(work.H, work.f, A, lower, upper, equalities=0)
 
 
