@@ -1,6 +1,7 @@
 """The identity of a plant: a mapping name → value or hash, by which certificates compare plants.
 
-* `declared` returns the whole identity: the values that the plant states, and those of `identified`.
+* `declared` returns the whole identity: the values that the plant states, and what `identified`
+  returns.
 * `identified` returns the part that is found without the plant's help: a value or a hash of each
   part of a user's plant and environment.
 * `same` compares two parts alone. Hashes of objects are made in `identity`.
