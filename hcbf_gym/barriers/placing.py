@@ -72,7 +72,7 @@ class Placing:
         self._begins[:] = self._went_back[:] = self.is_due = False
         return given if given.is_placed else self._moved(given)
 
-    def as_of_zero(self, barriers: Sequence[Barrier]) -> list[Barrier]:
+    def moved_to_time_zero(self, barriers: Sequence[Barrier]) -> list[Barrier]:
         """Return the barriers of plant 0, which were placed last, as of time 0 of its clock."""
         pairs = zip(barriers, self._since[0].tolist(), strict=True)
         return [_at_zero(barrier, since) for barrier, since in pairs]

@@ -1,4 +1,11 @@
-"""The identity of a plant, by which certificates compare it."""
+"""The identity of a plant: a mapping name → value or hash, by which certificates compare plants.
+
+* `declared` returns the whole identity: the values that the plant states, and what `identified`
+  returns.
+* `identified` returns the part that is found without the plant's help: a value or a hash of each
+  part of a user's plant and environment.
+* `same` compares two parts alone. Hashes of objects are made in `identity`.
+"""
 
 import functools
 import hashlib
@@ -9,15 +16,23 @@ from typing import Any
 
 from hcbf_gym import records, sources
 from hcbf_gym.arrays import Info
-from hcbf_gym.certificates import identity
+from hcbf_gym.certificates.identity import UnhashableError
+from hcbf_gym.certificates.identity import of as hash_of
 from hcbf_gym.certificates.introspection import attributes
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models.plant import Plant, read
 
-_COMPARED_AS_THEY_ARE = type(None), bool, int, float, str
-"""Types of parts that an identity contains; other parts count by their type and hash."""
+_KEPT_TYPES = type(None), bool, int, float, str
+"""An identity holds values of these types themselves, and of any other value its type and hash."""
+_FIELDS_LEFT_OUT = "covered", "declared"
+"""The fields of `Plant` that `identified` leaves out: a verdict, and what `declared` reads."""
 UNHASHABLE = "what cannot be hashed"
-"""The key of the list of parts that cannot be hashed; no certificate has it, so none fits."""
+"""The name of an identity's list of errors, one for each part that has no hash.
+
+Such a part cannot be compared, so the plant must not be covered. `Frozen` makes no certificate of a
+plant with this name, so that no certificate has a range for it. `judge` covers no plant with a name
+that has no range, and its message shows the name with the errors.
+"""
 
 
 def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[str, object]:
@@ -37,44 +52,52 @@ def declared(plant: Plant, env: Any, observation: object, info: Info) -> dict[st
     Raises:
         InvalidInputError: if the plant declares an empty mapping.
     """
-    stated: dict[str, object] = {}
-    if plant.declared is not None:
-        stated = records.plain(dict(read(plant.declared, env, observation, info)))
-        if not stated:
-            raise InvalidInputError(
-                f"plant: got declared {stated!r}, which any plant matches; expected a value that "
-                "distinguishes it, or None"
-            )
-        if is_of_package(plant.declared):
-            return stated
-    return stated | identified(plant, env)
+    if plant.declared is None:
+        return identified(plant, env)
+    stated = records.plain(dict(read(plant.declared, env, observation, info)))
+    if not stated:
+        raise InvalidInputError(
+            f"plant: got declared {stated!r}, which any plant matches; expected a value that "
+            "distinguishes it, or None"
+        )
+    return stated if is_of_package(plant.declared) else stated | identified(plant, env)
 
 
 def identified(plant: Plant, env: Any) -> dict[str, object]:
-    """Return a value or a hash for each part of a user's plant and its unwrapped environment."""
+    """Return name → value or hash of each part of a user's plant and its unwrapped environment.
+
+    If some parts cannot be hashed, the list of their errors has the name `UNHASHABLE`.
+    """
+    identity: dict[str, object] = {}
+    errors = []
+    for name, part in _parts_of(plant, env).items():
+        try:
+            identity[name] = part if type(part) in _KEPT_TYPES else _type_and_hash(part, name)
+        except UnhashableError as error:
+            errors.append(str(error))
+    if errors:
+        identity[UNHASHABLE] = errors
+    return identity
+
+
+def _parts_of(plant: Plant, env: Any) -> dict[str, Any]:
+    """Return name → part of a plant and its unwrapped environment, which identify the plant."""
     parts: dict[str, Any] = {"environment": type(env)}
     parts |= {f"environment.{name}": value for name, value in attributes(env).items()}
     parts |= {
         field.name.replace("_", " "): getattr(plant, field.name)
         for field in fields(plant)
-        if field.name not in ("covered", "declared")
+        if field.name not in _FIELDS_LEFT_OUT
     }
-    if plant.input_set is None:
+    if plant.input_set is None:  # then the action space is the set of inputs
         parts["action space"] = env.action_space
-    identities: dict[str, object] = {}
-    unhashable = []
-    for name, part in parts.items():
-        if type(part) in _COMPARED_AS_THEY_ARE:
-            identities[name] = part
-            continue
-        cls = part if isinstance(part, type) else type(part)
-        try:
-            identities[name] = f"{cls.__name__} {identity.of(part, name)}"
-        except identity.UnhashableError as error:
-            unhashable.append(str(error))
-    if unhashable:
-        identities[UNHASHABLE] = unhashable
-    return identities
+    return parts
+
+
+def _type_and_hash(part: object, name: str) -> str:
+    """Return the name of a part's type, or of the part if it is a type, and the part's hash."""
+    cls = part if isinstance(part, type) else type(part)
+    return f"{cls.__name__} {hash_of(part, name)}"
 
 
 def robot_of(name: str, files: Iterable[Path]) -> str:
@@ -90,9 +113,12 @@ def is_of_package(reader: object) -> bool:
     return callable(reader) and package in sources.NAMES
 
 
-def same(one: object, other: object) -> bool:
-    """Return whether two parts of plants have one identity; False if one cannot be hashed."""
+def same(part: object, other: object) -> bool:
+    """Return whether two parts of plants are one object or have one hash.
+
+    It is False if they are two objects, of which one cannot be hashed.
+    """
     try:
-        return one is other or identity.of(one) == identity.of(other)
-    except identity.UnhashableError:
+        return part is other or hash_of(part) == hash_of(other)
+    except UnhashableError:
         return False

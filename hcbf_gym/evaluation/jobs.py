@@ -87,7 +87,7 @@ class Runs:
             jobs: the arguments of the function, one for each call.
             title: the title of a progress bar; None for no bar.
             reads: the user's files that decide the results: scenes, contracts, policies.
-            plant: the identity of the user's plant, see `own_environment.identity`; "" for none.
+            plant: the identity of the user's plant, see `own_environment.plant_hash`; "" for none.
             repeat: whether one in `REPEATED` saved jobs runs again and is compared. If a result
                 differs, all saved jobs run again, with a warning.
 

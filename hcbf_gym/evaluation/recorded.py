@@ -15,7 +15,7 @@ from hcbf_gym.envs.task import CONTROL_DT
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation.episode import Sample, samples
 from hcbf_gym.evaluation.measures import deadlocked
-from hcbf_gym.evaluation.own_environment import least_reported, reading
+from hcbf_gym.evaluation.plant_reading import read_plant, reported_min_h
 from hcbf_gym.models.plant import Plant
 from hcbf_gym.models.reduced_order import DoubleIntegrator, SingleIntegrator
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
@@ -205,8 +205,8 @@ def _own_instant(
     plant: Plant, inner: Any, sample: Sample, earlier: Sequence[_Instant], placing: Placing
 ) -> _Instant:
     """Return the instant of a sample after earlier ones, by the readers of a user's plant."""
-    counted_time = len(earlier) * (plant.period or CONTROL_DT)
-    now = reading(plant, inner, sample, counted_time, placing)
+    fallback_time = len(earlier) * (plant.period or CONTROL_DT)
+    now = read_plant(plant, inner, sample, fallback_time, placing)
     if earlier and len(now.h) != len(earlier[0].h):
         raise InvalidInputError(
             f"rollout: got {len(now.h)} barriers after {len(earlier[0].h)}, expected their number "
@@ -214,7 +214,7 @@ def _own_instant(
         )
     min_h = now.h
     if "min_h" in sample.info:
-        min_h = np.minimum(now.h, least_reported(sample.info["min_h"], len(now.h)))
+        min_h = np.minimum(now.h, reported_min_h(sample.info["min_h"], len(now.h)))
     return _Instant(sample, now.time, now.x, now.h, min_h, now.conditions)
 
 

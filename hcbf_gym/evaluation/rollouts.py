@@ -139,7 +139,7 @@ def evaluate(
     """
     jobs = [Job(case, seed) for case in cases for seed in seeds]
     own_envs = {case.env for case in cases if loading.is_function(case.env)}
-    plant = " ".join(own_environment.identity(env) for env in sorted(own_envs))
+    plant = " ".join(own_environment.plant_hash(env) for env in sorted(own_envs))
     episodes = runs.over(Job.run, jobs, title, reads, plant, repeat=True)
     return ((jobs[k].case, jobs[k].seed, episode) for k, episode in episodes)
 

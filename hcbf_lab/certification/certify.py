@@ -32,7 +32,7 @@ PATIENCE = 10  # episodes to wait for, as a multiple of the fewest that can be e
 TRIES = SEEDS // 2 // TRY_SEEDS  # the number of tries for which a seed has episodes
 
 
-def make(family: Family) -> own_environment.Made:
+def make(family: Family) -> own_environment.EnvironmentAndPlant:
     """Return the environment of a family's first episode, without a filter, and its plant."""
     episode = family.episode(0)
     if isinstance(episode, own.OwnEpisode):
@@ -40,7 +40,7 @@ def make(family: Family) -> own_environment.Made:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoverageWarning)  # a certificate is only to be made
         env = gym.make(episode.env, scenario=episode.scenario, **(episode.env_options or {}))
-    return own_environment.Made(env, env.unwrapped.plant)  # type: ignore[attr-defined]
+    return own_environment.EnvironmentAndPlant(env, env.unwrapped.plant)  # type: ignore[attr-defined]
 
 
 def plant_of(family: Family) -> tuple[Plant, Info]:
@@ -93,7 +93,7 @@ def over(
     """
     episode, plant = family.episode(0), ""
     if isinstance(episode, own.OwnEpisode):
-        plant = own_environment.identity(episode.source)
+        plant = own_environment.plant_hash(episode.source)
     return runs.over(job, jobs, title, family.files, plant, repeat=True)
 
 

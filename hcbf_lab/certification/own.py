@@ -14,7 +14,8 @@ from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.evaluation import attacks, vacuity
 from hcbf_gym.evaluation.attacked import Outcome, Truth, judge, reserving, truth
 from hcbf_gym.evaluation.episode import Act, Sample, samples
-from hcbf_gym.evaluation.own_environment import least_reported, make, reading
+from hcbf_gym.evaluation.own_environment import make
+from hcbf_gym.evaluation.plant_reading import read_plant, reported_min_h
 from hcbf_gym.models.input_sets import InputSet
 from hcbf_gym.models.plant import Plant, Uncertainty
 
@@ -180,7 +181,7 @@ def _truth(plant: Plant, env: Any, sample: Sample, elapsed: float, placing: Plac
     Raises:
         InvalidInputError: if no strict barrier reads the position.
     """
-    now = reading(plant, env, sample, elapsed, placing)
+    now = read_plant(plant, env, sample, elapsed, placing)
     rank = np.array([condition.rank for condition in now.conditions], dtype=np.int64)
     if not ((rank == 1) & now.reads_position).any():
         raise InvalidInputError(
@@ -189,6 +190,6 @@ def _truth(plant: Plant, env: Any, sample: Sample, elapsed: float, placing: Plac
         )
     h = now.h
     if "min_h" in sample.info:
-        h = np.minimum(h, least_reported(sample.info["min_h"], len(rank)))
+        h = np.minimum(h, reported_min_h(sample.info["min_h"], len(rank)))
     h = np.where(np.isfinite(h), h, -np.inf)  # an h that is not finite counts as entered
-    return truth(now.x, now.time, h, rank, now.reads_position, now.along)
+    return truth(now.x, now.time, h, rank, now.reads_position, now.evaluate_at)
