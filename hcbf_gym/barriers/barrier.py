@@ -36,6 +36,25 @@ class Jet(NamedTuple):
     rate_rate: float
 
 
+def packed_size(n: int) -> int:
+    """Return how many numbers `pack` writes for a jet of n states."""
+    return 3 + 2 * n + n * n
+
+
+def pack(jet: Jet, packed: Array) -> None:
+    """Write a jet as compiled code reads it: h, ∂h/∂t, ∂²h/∂t², ∇h, ∂∇h/∂t and ∇²h by rows.
+
+    Args:
+        jet: h and its derivatives at n states.
+        packed: (`packed_size(n)`,) the numbers that are written.
+    """
+    n = len(jet.gradient)
+    packed[:3] = jet.h, jet.rate, jet.rate_rate
+    packed[3 : 3 + n] = jet.gradient
+    packed[3 + n : 3 + 2 * n] = jet.gradient_rate
+    packed[3 + 2 * n :] = np.ravel(jet.hessian)
+
+
 class Core(NamedTuple):
     """The convex set from which a barrier is a distance near a position: ``h = distance − radius``.
 

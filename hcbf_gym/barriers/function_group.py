@@ -28,7 +28,7 @@ class Instant(NamedTuple):
 class Group(NamedTuple):
     """k functions of the same signatures, at the same places of K scenes."""
 
-    scenes: Integers  # (K,) the index of each scene among N
+    scene_indices: Integers  # (K,) the index of each scene among N
     places: Integers  # (k,) the index of each function among the m barriers of a scene
     kernel: RowsKernel
     functions: tuple[Function, ...]  # k, those of the first scene
@@ -52,20 +52,22 @@ class Group(NamedTuple):
             self._refuse(rows[..., _H], early_inputs)
         return rows
 
-    def rows_beside(self, at: Instant, rows: Array, kinks: Kinks, scenes: Sequence[Flat]) -> Array:
+    def rows_beside_kinks(
+        self, at: Instant, rows: Array, kinks: Kinks, barriers_by_scene: Sequence[Flat]
+    ) -> Array:
         """Return rows (K, k, n_u + 5) with those that are not finite taken beside their states.
 
-        `scenes` has the barriers of all N scenes, whose names are in warnings.
+        Warnings name the barriers, which `barriers_by_scene` has for all N scenes.
         """
         rows = rows.copy()
         for j, k in np.argwhere(~np.isfinite(rows).all(axis=2)):
-            scene = int(self.scenes[j])
+            scene = int(self.scene_indices[j])
             for state_beside in kinks.states_beside(self.kernel.model, at.x[j], scene):
                 x = at.x.copy()
                 x[j] = state_beside
                 row = self.rows(at._replace(x=x))[j, k]
                 if np.isfinite(row).all():
-                    barrier: Any = scenes[scene][self.places[k]]
+                    barrier: Any = barriers_by_scene[scene][self.places[k]]
                     kinks.warn_once(barrier, at.x[j])
                     h = rows[j, k, _H]
                     rows[j, k] = row

@@ -95,7 +95,7 @@ class ModelRows(RowMaker):
         prepared = self._general_rows.prepare(listed)
         # regions are placed as of time 0, unlike the objects that were returned or set
         is_region = scenes.is_region
-        prepared.scenes.parameters[is_region] = scenes.parameters[is_region]
+        prepared.barrier_set.parameters[is_region] = scenes.parameters[is_region]
         reaches = list(chain.from_iterable(prepared.reaches))
         period = self._config.plant.period
         if period is not None and any(reach.degree > 1 for reach in reaches):
@@ -127,7 +127,7 @@ class ModelRows(RowMaker):
 
     def _bind(self, prepared: Prepared) -> None:
         """Let the compiled step read the prepared scenes and write into the rows."""
-        self._rows.reads_position[...] = prepared.scenes.keeps_margin
+        self._rows.reads_position[...] = prepared.barrier_set.keeps_margin
         margins = prepared.margins(self._config.row_margins.fixed)
         self._step.bind(*prepared.built_in, margins, self._rows.numbers)
         self._bound_rows = self._rows
@@ -143,7 +143,7 @@ class ModelRows(RowMaker):
             slopes = slopes_of(sloping, uncertain, margins.settings, m)
             self._step.reserve(*slopes)  # writes the margins of all rows
             at_states = States(states.x, time, *self._step.terms())
-            self._general_rows.write(prepared, at_states, self._rows, kinks)
+            self._general_rows.write_isolating_errors(prepared, at_states, self._rows, kinks)
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the samples and of the compiled step's memory, for `restore`."""

@@ -11,7 +11,7 @@ import pytest
 from hcbf_gym import BatchFilter, Plant, models, wrappers
 from hcbf_gym.barriers import BarrierSet, Disc, GeneralRows, LinearClassK, LogClassK
 from hcbf_gym.barriers.many import Several
-from hcbf_gym.barriers.prepared import Prepared, prepared
+from hcbf_gym.barriers.prepared import Prepared, prepare_scenes
 from hcbf_gym.errors import InvalidInputError
 from hcbf_gym.models import Coverage
 from hcbf_robots import VelocityFilter
@@ -186,13 +186,13 @@ def test_rows_that_filters_in_two_threads_share_are_each_ones_own(monkeypatch):
 
     def interrupted(one, other):
         found = compare(one, other)
-        rows._latest = prepared(BarrierSet(others), rows.functions, rows.reach)
+        rows._latest = prepare_scenes(BarrierSet(others), rows.functions, rows.reach)
         return found
 
     rows.prepare(mine)
     monkeypatch.setattr(Prepared, "is_of", interrupted)
     for _ in range(3):
-        assert rows.prepare(mine).scenes.listed[0][0] is mine[0][0]
+        assert rows.prepare(mine).barrier_set.listed[0][0] is mine[0][0]
 
 
 class Named(NamedTuple):
