@@ -47,7 +47,7 @@ class ModelRows(RowMaker):
         self._general_rows = GeneralRows(
             model, config.alpha1, config.alpha2, support, config.alpha_speed
         )
-        self._prepared: Prepared | None = None  # the accepted scenes; None if `accept` failed
+        self._prepared: Prepared | None = None  # the accepted scenes; None if refused
         self._bound_rows: PackedRows | None = None  # `_rows` once the step is bound to it
         self._warned_of_concave = False
         self._step = self._make_step()
