@@ -215,6 +215,11 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
         )
 
 
+def in_words(error: Exception) -> str:
+    """Return the message of an error, with its class unless it is an error of this package."""
+    return str(error) if isinstance(error, HcbfError) else f"{type(error).__name__}: {error}"
+
+
 def shown(value: object) -> str:
     """Return the text of a value for a message; the middle of a long text is left out."""
     try:

@@ -30,7 +30,15 @@ from hcbf_gym.barriers.reaches import Reaches
 from hcbf_gym.barriers.relative_degree import Reach
 from hcbf_gym.barriers.rows import WIDTH, CbfRows, PackedRows, States
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, finite_array, instance, listed, reals, shown
+from hcbf_gym.errors import (
+    InvalidInputError,
+    finite_array,
+    in_words,
+    instance,
+    listed,
+    reals,
+    shown,
+)
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _NO_JACOBIAN = np.zeros((1, 0, 0))
@@ -154,10 +162,11 @@ class GeneralRows:
 
     def write_isolating_errors(
         self, prepared: Prepared, states: States, rows: PackedRows, kinks: Kinks
-    ) -> None:
+    ) -> dict[int, str]:
         """Write the rows of N scenes; an error in one scene makes b NaN there and nowhere else.
 
-        All scenes are written at once. If that fails, each is prepared and written alone.
+        All scenes are written at once. If that fails, each is prepared and written alone. The
+        errors are returned by their scenes.
 
         Args:
             prepared: N scenes.
@@ -165,29 +174,34 @@ class GeneralRows:
             rows: the rows, whose margin and margin_rate are read. All other fields are written.
             kinks: evaluates derivatives at a kink.
         """
-        if self._try_to_write(prepared, states, rows, kinks):
-            return
+        error = self._try_to_write(prepared, states, rows, kinks)
+        if not error:
+            return {}
         if len(states.x) == 1:
             rows.b[...] = np.nan
-            return
+            return {0: error}
+        errors: dict[int, str] = {}
         for i in range(len(states.x)):
             prepared_scene = self._prepare_again(prepared, i)
             only_i = slice(i, i + 1)
             state = States(*(field[only_i] for field in states))
             # the scene alone may have fewer rows than the longest of all, for which `rows` has room
             scene_rows = PackedRows(rows.numbers[only_i, : prepared_scene.kind.shape[1]])
-            if not self._try_to_write(prepared_scene, state, scene_rows, kinks.of_plant(i)):
+            error = self._try_to_write(prepared_scene, state, scene_rows, kinks.of_plant(i))
+            if error:
                 scene_rows.b[...] = np.nan
+                errors[i] = error
+        return errors
 
     def _try_to_write(
         self, prepared: Prepared, states: States, rows: PackedRows, kinks: Kinks
-    ) -> bool:
-        """Write the rows of N scenes; return False if users' own code raised an error."""
+    ) -> str:
+        """Write the rows of N scenes; return the error that was raised, or ""."""
         try:
             self.write_or_raise(prepared, states, rows, kinks)
-        except Exception:  # a user's own barrier or model may raise anything
-            return False
-        return True
+        except Exception as error:  # a user's own barrier or model may raise anything
+            return in_words(error)
+        return ""
 
     def _prepare_again(self, prepared: Prepared, i: int) -> Prepared:
         """Return scene i of N prepared alone, with the parameters that it has among them."""

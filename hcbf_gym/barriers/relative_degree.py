@@ -13,7 +13,7 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier, Jet
-from hcbf_gym.errors import InvalidInputError, UnreachableError
+from hcbf_gym.errors import InvalidInputError, UnreachableError, in_words
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 VANISHED = _core.VANISHED
@@ -94,10 +94,12 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
         return _reach_by_jets(barrier, model)
     except UnreachableError:
         raise
+    except InvalidInputError as error:
+        raise UnreachableError(str(error)) from error
     except Exception as error:  # a user's own barrier may raise anything
         raise UnreachableError(
-            f"{barrier.name}: its jet is not made of finite numbers ({error}), expected a "
-            "barriers.Jet of them"
+            f"{barrier.name}: its jet is not made of finite numbers ({in_words(error)}), expected "
+            "a barriers.Jet of them"
         ) from error
 
 

@@ -51,7 +51,7 @@ class BarrierSet:
         priority: (N, m) 1 is the highest and strict; 0 in a place without a barrier.
         keeps_margin: (N, m) 1 for strict barriers on the position, 0 for the others.
         own_margin: (N, m) the margins that barriers have themselves: those of speed limits [m/s]
-            and of maps [m]; 0 for the others.
+            and of a map's regions [m]; 0 for the others.
         ends: (N, m) for how long regions go on moving [s]; in a filter, the time at which they end.
         version: (N,) how often each scene was set.
         edits: how often a scene was set, all scenes together.

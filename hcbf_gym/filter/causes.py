@@ -8,8 +8,9 @@ from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.barrier import Barrier
 from hcbf_gym.barriers.kinks import SMOOTH
 from hcbf_gym.barriers.many import Shapes
-from hcbf_gym.errors import SafetyWarning, shown, warn_caller
+from hcbf_gym.errors import SafetyWarning, in_words, shown, warn_caller
 from hcbf_gym.filter.guide import Guide
+from hcbf_gym.filter.row_maker import RowMaker
 from hcbf_gym.filter.samples import Samples, real_array
 from hcbf_gym.filter.scenes import Scenes
 from hcbf_gym.models import clocks
@@ -21,10 +22,10 @@ JET_FIELDS = ("h", "gradient", "second derivative", "∂h/∂t", "∂∇h/∂t",
 
 
 class CauseFinder:
-    """Finds the cause of a reason in the samples, the scenes or the guidance of N plants."""
+    """Finds the cause of a reason in the samples, scenes, rows or guidance of N plants."""
 
-    def __init__(self, samples: Samples, scenes: Scenes, guide: Guide):
-        self._samples, self._scenes, self._guide = samples, scenes, guide
+    def __init__(self, samples: Samples, scenes: Scenes, rows: RowMaker, guide: Guide):
+        self._samples, self._scenes, self._rows, self._guide = samples, scenes, rows, guide
         self._plant, self._count = scenes.plant, len(samples.plants)
 
     def find(self, reason: Reason, plants: Mask, estimate: Estimate) -> str:
@@ -84,14 +85,14 @@ class CauseFinder:
 
     def _barrier_fault(self, i: int, estimate: Estimate) -> str:
         """Return why barriers are refused, or what in the rows of plant i is not finite."""
-        if self._scenes.is_refused:
-            return str(self._scenes.error)
+        if self._scenes.is_refused and self._scenes.error:
+            return in_words(self._scenes.error)
         x, t, model = self._samples.x[i].copy(), float(self._samples.time[i]), self._plant.model
         place = f"at x = {shown(x.tolist())}, t = {t:.6g} s"
         try:
             f, g = model.terms(x)
         except Exception as error:  # a user's own model may raise anything
-            return f"{model} has no f and g {place}: {error}"
+            return f"{model} has no f and g {place}: {in_words(error)}"
         if not (np.isfinite(f).all() and np.isfinite(g).all()):
             return f"f or g of {model} is not finite {place}"
         condition = 0
@@ -103,7 +104,7 @@ class CauseFinder:
                     named = f"{element.name!r} of rank {element.priority}"
                     return f"condition {condition}, {named}: {fault} {place}"
             condition += len(element) if isinstance(element, Shapes) else 1
-        return f"the margin that rows reserve, {place}"
+        return f"{self._rows.errors.get(i) or 'the margin that rows reserve'}, {place}"
 
     def _guidance_fault(self, i: int, estimate: Estimate) -> str:
         return self._guide.why_lost([i])

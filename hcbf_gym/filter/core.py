@@ -8,7 +8,14 @@ from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.layout import LOWEST_RANK
 from hcbf_gym.barriers.set import Condition
-from hcbf_gym.errors import InvalidInputError, UnreachableError, shown
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    UnreachableError,
+    in_words,
+    shown,
+    warn_caller,
+)
 from hcbf_gym.filter import solvers
 from hcbf_gym.filter.bound import NO_ROWS, Bound
 from hcbf_gym.filter.causes import CauseFinder, warn_of_reason
@@ -70,7 +77,7 @@ class FilterCore:
         self.guide = Guide(config, self.samples)
         self.guides = self.guide.guides
         self.scenes = Scenes(config, self.samples, self._rows, self.coverage)
-        self._causes = CauseFinder(self.samples, self.scenes, self.guide)
+        self._causes = CauseFinder(self.samples, self.scenes, self._rows, self.guide)
         self._warned: set[object] = {int(Reason.NONE)}  # the reasons of earlier warnings
         self._m = -1  # the number of barriers of a scene; there is no scene yet
         self._looks_again = False  # whether `begin` guides all plants anew, not new episodes alone
@@ -161,7 +168,7 @@ class FilterCore:
         u, report = self.step(u_nominal, barriers, estimate, since, counts=False)
         self._rows.restore(snapshot)
         self.samples.steps[:] = steps
-        # all lower statuses compare u with u*, and no input has been chosen yet
+        # all lower statuses judge an input, and none is applied yet
         report["status"] = report["status"] * (report["status"] >= FilterStatus.UNSAFE)
         report["u_safe"] = np.zeros_like(u)
         for key in ("slack", "delta", "intervention", "fallbacks"):
@@ -272,7 +279,11 @@ class FilterCore:
             x[:2] += self.samples.origin.at
             try:
                 brake = brake(x) if self.samples.plants["known"][i] else None
-            except Exception:  # a user's own function may raise anything, and counts as invalid
+            except Exception as error:  # a user's own function may raise anything
                 brake = None
+                if "brake" not in self._warned:
+                    self._warned.add("brake")
+                    text = f"safety filter: the plant's brake raised {in_words(error)}"
+                    warn_caller(f"{text}; it is replaced by the input nearest to 0", SafetyWarning)
         u = real_numbers(brake, (n_u,))
         return self.input_set.project(np.zeros(n_u) if u is None else u)

@@ -47,7 +47,7 @@ class ModelRows(RowMaker):
         self._general_rows = GeneralRows(
             model, config.alpha1, config.alpha2, support, config.alpha_speed
         )
-        self._prepared: Prepared | None = None  # the accepted scenes; None if `accept` failed
+        self._prepared: Prepared | None = None  # the accepted scenes; None if refused
         self._bound_rows: PackedRows | None = None  # `_rows` once the step is bound to it
         self._warned_of_concave = False
         self._step = self._make_step()
@@ -113,7 +113,7 @@ class ModelRows(RowMaker):
 
         No rows are made if u* (N, n_u) is not finite, or if the scenes are refused.
         """
-        prepared, core = self._prepared, self._bound.core
+        prepared, core, self.errors = self._prepared, self._bound.core, {}
         # checks the samples, raises alarms and chooses braking inputs
         u_is_finite = core.sense(self._step, self._samples.is_uncertain)
         if u_is_finite and prepared is not None:
@@ -143,7 +143,9 @@ class ModelRows(RowMaker):
             slopes = slopes_of(sloping, uncertain, margins.settings, m)
             self._step.reserve(*slopes)  # writes the margins of all rows
             at_states = States(states.x, time, *self._step.terms())
-            self._general_rows.write_isolating_errors(prepared, at_states, self._rows, kinks)
+            self.errors = self._general_rows.write_isolating_errors(
+                prepared, at_states, self._rows, kinks
+            )
 
     def snapshot(self) -> Snapshot:
         """Return a copy of the samples and of the compiled step's memory, for `restore`."""

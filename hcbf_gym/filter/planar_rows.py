@@ -16,6 +16,7 @@ from hcbf_gym.barriers.relative_degree import ReachedBarriers
 from hcbf_gym.barriers.rows import MARGIN, USABLE, B
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.unknown import Entry, UncertainStates
+from hcbf_gym.errors import in_words
 from hcbf_gym.filter.bound import Bound
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.row_maker import RowMaker
@@ -36,7 +37,7 @@ class PlanarRows(RowMaker):
 
     def accept(self, scenes: BarrierSet) -> ReachedBarriers:
         """Return users' own barriers in changed scenes; none if they are the same objects."""
-        barriers = tuple(scenes.own.values())
+        self.errors, barriers = {}, tuple(scenes.own.values())
         if are_same(barriers, self._accepted):
             return ReachedBarriers((), ())
         instant = instant_rows(self._config.row_settings)
@@ -75,6 +76,7 @@ class PlanarRows(RowMaker):
         The margin of each row is written first. b is NaN if a barrier is unreadable.
         """
         config, plants, rows = self._config, self._samples.plants, self._rows.numbers
+        self.errors = {}
         if not np.isfinite(u_nominal).all():
             return rows
         self._bound.core.check_states()
@@ -95,6 +97,7 @@ class PlanarRows(RowMaker):
             try:
                 with np.errstate(all="ignore"):
                     write_own_row(barrier, x, t, settings, reserved, row, kinks.of_plant(i))
-            except Exception:  # a user's own barrier may raise anything
+            except Exception as error:  # a user's own barrier may raise anything
                 row[B] = np.nan
+                self.errors[i] = in_words(error)
         return rows

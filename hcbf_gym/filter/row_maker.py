@@ -25,6 +25,7 @@ class RowMaker(ABC):
     def __init__(self, config: FilterConfig, samples: Samples, bound: Bound):
         self._config, self._samples, self._bound = config, samples, bound
         self._warned_of_kinks: set[str] = set()  # the names of barriers
+        self.errors: dict[int, str] = {}  # plant → the error for which its last rows are NaN
         self.resize(0)
 
     def evaluate_previous(self, scenes: BarrierSet) -> bool:

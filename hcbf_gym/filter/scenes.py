@@ -108,7 +108,7 @@ class Scenes:
                 given = self._read(barriers)
         except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
             self.is_refused, self.refusal, self.error = True, None, error
-            self._version, self._edits = np.full(self._config.count, -1), -1  # as no set has them
+            self._version, self._edits = np.full(self._config.count, -1), -1  # those of no set
         else:
             is_same = given is self._given and given.edits == self._edits
             if not is_same or self.placing.is_due:

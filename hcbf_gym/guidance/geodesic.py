@@ -113,8 +113,8 @@ class Geodesic:
         """Compute the fields of scenes that begin, or whose goals have moved.
 
         No path leads to a goal that is not finite, outside the extent or the map, or inside a
-        strict region, nor from a start outside of them, nor, on a map, where a closed region is on
-        every path. `lost` then states why.
+        strict region, nor from a start outside of them. On a map none leads through a closed
+        region. `lost` then states why.
 
         Args:
             barriers: those of N scenes; a sequence of barriers where N is 1.

@@ -173,6 +173,20 @@ def test_a_minimum_of_conditions_of_different_relative_degree_is_refused():
         late_in(DoubleIntegrator(), [both])
 
 
+class AtSomeStates(Barrier):
+    """A condition that an input enters at once only where v_x is positive."""
+
+    def jet(self, x, t=0.0):
+        gradient = np.array([1.0, 0.0, max(x[2], 0.0), 0.0])
+        return Jet(1.0, gradient, np.zeros((4, 4)), 0.0, np.zeros(4), 0.0)
+
+
+def test_a_jet_of_different_relative_degrees_is_refused_for_that_alone():
+    rows = GeneralRows(DoubleIntegrator(drag=0.5), LinearClassK(1.0), LinearClassK(1.0))
+    with pytest.raises(InvalidInputError, match=r"^some: an input enters derivative 1"):
+        rows([AtSomeStates("some", 1)], np.zeros(4))
+
+
 def test_the_inside_of_a_circle_is_reported_as_no_convex_h():
     jnp = pytest.importorskip("jax.numpy")
     inside = Function("inside", 1, lambda x, t: 2.0 - jnp.hypot(x[0], x[1]))

@@ -83,6 +83,8 @@ class Broken(Barrier):
             parts[self.name] = parts[self.name] * math.nan
         if self.name == "raises" and not x.any():
             raise ValueError("no data")
+        if self.name == "shape" and not x.any():
+            parts["gradient"] = np.zeros(3)
         h, gradient, hessian = parts.values()
         return Jet(float(h), gradient, hessian, 0.0, np.zeros(4), 0.0)
 
@@ -97,6 +99,14 @@ def test_barriers_name_the_one_its_part_and_the_state(model, name, part):
     assert seen == Reason.BARRIERS
     for words in (f"condition 1, {name!r} of rank 2", part, "x = [0.0, 0.0, 0.0, 0.0]"):
         assert words in text
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_an_error_of_a_row_is_its_cause_where_the_barrier_itself_raises_none(model):
+    seen, text = answers(MODELS[model], [lambda x, t: Estimate(x, t)], [FAR, Broken("shape", 2)])
+    assert seen == Reason.BARRIERS
+    assert "shape: got the jet" in text
+    assert "x = [0.0, 0.0, 0.0, 0.0]" in text
 
 
 @pytest.mark.parametrize("name", ["gradient", "hessian"])

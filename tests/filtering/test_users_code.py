@@ -5,6 +5,7 @@ import pytest
 
 from hcbf_gym import Plant
 from hcbf_gym.barriers import Barrier, Disc, Jet, LinearClassK, SpeedLimit
+from hcbf_gym.errors import SafetyWarning
 from hcbf_gym.models import DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
@@ -75,6 +76,14 @@ def test_a_barrier_that_raises_anything_makes_the_robot_brake(model, appears, er
 
 
 @pytest.mark.parametrize("model", MODELS)
+def test_the_warning_of_a_refused_barrier_names_the_class_of_its_error(model):
+    own = Own("own", 1)
+    own.error = OddError
+    with pytest.warns(SafetyWarning, match="OddError: no measurement"):
+        statuses(MODELS[model], lambda step: [own] if step > 2 else [])
+
+
+@pytest.mark.parametrize("model", MODELS)
 def test_a_refused_barrier_is_refused_again_whatever_else_changes(model):
     late = Late("late", 1)
     assert brakes_from_the_third_step(
@@ -103,7 +112,8 @@ def test_a_brake_that_raises_is_replaced_by_the_input_nearest_to_zero(error):
     env = SafetyFilter(World(model, T, 2.0, (0.0,) * 4), plant=plant)
     env.reset()
     own.error = error
-    _, _, _, _, info = env.step(REST)
+    with pytest.warns(SafetyWarning, match=f"the plant's brake raised {error.__name__}: no brake"):
+        _, _, _, _, info = env.step(REST)
     _, _, _, _, info = env.step(REST)
     assert info["safety_filter"]["status"] == FilterStatus.BACKUP
     assert not info["safety_filter"]["u_safe"].any()
