@@ -47,16 +47,19 @@ def sources_hash(files: Iterable[Path]) -> str:
 
 @functools.cache
 def _packages_hash() -> str:
-    """Return a hash of the core and of all files of the packages `NAMES`."""
-    from hcbf_gym import _core
+    """Return a hash of the core and of all files of the packages `NAMES`.
+
+    Of the version only the release counts, so that results of a candidate are its release's.
+    """
+    from hcbf_gym import _core, version
 
     files = sorted(file for package in PACKAGES for file in package.rglob("*") if file.is_file())
     lines = (
         f"{file.relative_to(PACKAGE.parent).as_posix()} {_digest(file)}"
         for file in files
-        if file.suffix not in (".so", ".pyd", ".pyc")
+        if file.suffix not in (".so", ".pyd", ".pyc") and file != PACKAGE / "version.py"
     )
-    return hashlib.sha256("\n".join([_core.HASH, *lines]).encode()).hexdigest()
+    return hashlib.sha256("\n".join([_core.HASH, version.release(), *lines]).encode()).hexdigest()
 
 
 def of_user(file: Path) -> list[Path]:

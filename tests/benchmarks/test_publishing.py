@@ -8,7 +8,7 @@ import pytest
 from benchmarks import publishing
 from benchmarks.__main__ import main
 from benchmarks.registry import SUITES
-from hcbf_gym import certificates
+from hcbf_gym import certificates, sources, version
 from hcbf_gym.errors import InvalidInputError, MissingDependencyError, UnknownNameError
 
 PAGE = "before\n<!-- results: course/all -->\nold\n<!-- end of results -->\nafter\n"
@@ -117,6 +117,16 @@ def test_the_sources_of_a_suite_are_those_it_imports_and_those_it_loads_by_name(
     assert len(set(hashes.values())) == len(hashes)
     course = SUITES["course"]
     assert course.sources() != course._replace(also=()).sources()
+
+
+def test_figures_of_a_candidate_are_those_of_its_release(monkeypatch):
+    hashes = []
+    for number in ("0.2.0rc1", "0.2.0", "0.2.0.dev0"):
+        monkeypatch.setattr(version, "VERSION", number)
+        sources._packages_hash.cache_clear()
+        hashes.append(SUITES["course"].sources())
+    sources._packages_hash.cache_clear()
+    assert hashes[0] == hashes[1] != hashes[2]
 
 
 @pytest.mark.parametrize("page", ["guarantees.md", "certificates.md"])
