@@ -211,7 +211,7 @@ def shown(seen: Sequence[Seen]) -> Shown:
 def _check_stake(seen: Sequence[Seen]) -> None:
     """Refuse episodes that put rank 1 to the test too seldom; warn if that is uncertain yet.
 
-    The certificate requires a share `PRESSED` of its own episodes. With a chance of about one half
+    The certificate requires a share `PRESSED` of fresh episodes. With a chance of about one half
     in each of n episodes, their number has a standard deviation of √n / 2.
     """
     stake, deviation = shown(seen), 0.5 * np.sqrt(len(seen))
