@@ -31,11 +31,13 @@ def version(package: str) -> str:
 def drive() -> None:
     """Filter a typed cart that heads for a pillar: it slows down, and stays outside."""
     robot = hcbf_robots.Robot(hcbf_robots.Command(forward=1.0, turn=1.0, look_ahead=0.2))
-    door = hcbf_robots.VelocityFilter(robot, [Disc("pillar", 1, center=(3.0, 0.0), radius=0.5)])
-    x, told = 0.0, np.zeros(2)
+    pillar = Disc("pillar", 1, center=(3.0, 0.0), radius=0.5)
+    velocity_filter = hcbf_robots.VelocityFilter(robot, [pillar])
+    x, chosen = 0.0, np.zeros(2)
     for k in range(300):
-        told, report = door.step((1.0, 0.0), (x, 0.0, 0.0), (told[0], 0.0, 0.0), 0.05 * k)
-        x += 0.05 * told[0]
+        twist = (chosen[0], 0.0, 0.0)
+        chosen, report = velocity_filter.step((1.0, 0.0), (x, 0.0, 0.0), twist, 0.05 * k)
+        x += 0.05 * chosen[0]
     assert 1.0 < x < 2.5, (x, report)  # of its axle, before the edge
 
 
@@ -51,12 +53,12 @@ def walk(name: str, **options: str) -> None:
 
 def refused(name: str, package: str) -> None:
     """Check that what is missing is named with the line that installs it."""
-    said = ""
+    message = ""
     try:
         gym.make(name)
     except hcbf_gym.HcbfError as error:
-        said = str(error)
-    assert f"pip install '{package}" in said, f"{name}: {said!r}"
+        message = str(error)
+    assert f"pip install '{package}" in message, f"{name}: {message!r}"
 
 
 light = sys.argv[1:] == ["--light"]

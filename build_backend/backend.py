@@ -1,6 +1,6 @@
 """scikit-build-core, and a compiler as a wheel where the machine has none.
 
-An editable installation compiles into `hcbf_gym/`, so that a checkout stands for itself.
+An editable installation compiles into `hcbf_gym/`, so that a checkout imports its own core.
 """
 
 import contextlib

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def compile_in_place(folder: str, *options: str) -> None:
-    """Compile the core into `hcbf_gym/`, with CMake's files in a folder and options of its own."""
+    """Compile the core into `hcbf_gym/`, with CMake's files in a folder, and with its options."""
     settings = f"-DPython_EXECUTABLE={sys.executable}", "-DHCBF_IN_PLACE=ON", *options
     generator = ("-G", "Ninja") if shutil.which("ninja") else ()
     subprocess.run(["cmake", *generator, "-S", ROOT / "core", "-B", folder, *settings], check=True)

@@ -62,8 +62,6 @@ class MissingDependencyError(HcbfError, ImportError):
 MAX_SHOWN = 400  # the number of characters of a value that a message shows at most
 MAX_COUNT = 10_000_000  # the largest number that `count` accepts unless it is given another
 MAX_NESTING = 64  # how deep lists of numbers may be nested: a NumPy array has no more axes
-UNREADABLE = (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError)
-"""The errors that reading a malformed result of a user's function raises."""
 
 
 class CoverageWarning(UserWarning):

@@ -50,7 +50,7 @@ class Shapes:
         values: the fields of k shapes in order, but for the velocity, such as "disc" (k, 3):
             centre and radius [m], or "half-plane" (k, 3): unit normal into the allowed side, and
             n·p on the wall [m]; for "convex-polygon" (k, v, 2): v corners [m], counter-clockwise.
-            With one more axis in front, (N, k, …), each of N plants has k shapes of its own.
+            With one more axis in front, (N, k, …), each of N plants has k shapes.
         velocity: (2,), (k, 2) or (N, k, 2) the velocity of the shapes [m/s].
         moves_for: (), (k,) or (N, k) how long they go on moving, from when the object is first
             returned or set [s]. A gatekeeper lets the robot rest beyond the end of a path. Rows do

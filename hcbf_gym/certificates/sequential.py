@@ -25,7 +25,7 @@ import numpy as np
 
 BET = 5.0  # ε/q. The wager is best if episodes enter so many times less often than the bound
 NEVER = 2.0  # above ε over this, e falls on average, and no number of episodes certifies ε
-DOUBT = 1e-3  # the probability of calling a run hopeless although its chance is ε / `NEVER`
+DOUBT = 1e-3  # bounds the probability of calling a run of a chance up to ε / `NEVER` hopeless
 LARGEST_LOG_E = 700.0  # ln e above which e is cut off: doubles overflow at 709
 
 

@@ -66,7 +66,7 @@ PLANNED_FRICTION_SHARE = 0.75  # of the floor's least friction; the rest is for 
 CARRIED_INPUT_SHARE = 0.85  # of µg for a component of u; the rest holds the trunk on its reference
 
 # the watch's bounds
-MAX_SLIP, MAX_LAG, MAX_LIFT = 0.08, 0.2, 0.9  # on the nominal plant [m/s], [m/s²], [m/s²]
+MAX_SLIP, MAX_LAG, MAX_LIFT = 0.08, 0.2, 0.9  # on the nominal plant [m/s], [-], [m/s²]
 SLIP_ON_ROUGH_GROUND = 0.04  # [m/s]
 SLIP_OF_ESTIMATE = 0.06  # where the trunk's velocity is estimated [m/s]
 SLIP_PER_SENSOR_NOISE = 0.4  # [m/s]

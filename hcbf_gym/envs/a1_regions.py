@@ -20,6 +20,7 @@ from hcbf_gym.envs.scene_source import SceneSource
 from hcbf_gym.estimation import Estimator, sensors
 from hcbf_gym.locomotion.controller import LocomotionController, check_friction
 from hcbf_gym.locomotion.watch import Watch
+from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.scenarios import ScenarioLike
 
 
@@ -109,7 +110,7 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
         planned = derived_friction if friction is None else check_friction(friction)
         arguments = {
             "environment": "HCBF-A1Regions-v0",
-            "xml_file": xml_file and robot_of(Path(xml_file).stem, [Path(xml_file)]),
+            "xml_file": xml_file and robot_of(Path(xml_file).stem, read_by(Path(xml_file))),
             "feedback": feedback,
             "timestep": timestep,
             "gait": gait,

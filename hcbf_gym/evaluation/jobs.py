@@ -31,7 +31,7 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from hcbf_gym import opened, version
 from hcbf_gym.certificates import same
-from hcbf_gym.errors import UNREADABLE, HcbfError, InvalidInputError, JobError, warn_caller
+from hcbf_gym.errors import HcbfError, InvalidInputError, JobError, warn_caller
 from hcbf_gym.evaluation import workers as backends
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.opened import MISSING, content
@@ -76,11 +76,12 @@ class Runs:
     ) -> Iterator[tuple[int, R]]:
         """Yield (number of the job, its result): first saved results, the others as they finish.
 
-        The workers stop when the iteration ends. A result is saved, bit for bit, in a file whose
-        name is a hash of the work: the function with its file, the packages' sources, the files
-        and the plant that it reads, the versions in `versions`, and the job. The file also holds a
-        hash of every file that the job opened, see `opened`. A saved result is valid while these
-        files are the same. So files of several machines may be put into one folder.
+        The workers wait for the next call, and stop if the iteration ends early. A result is saved,
+        bit for bit, in a file whose name is a hash of the work: the function with its file, the
+        packages' sources, the files and the plant that it reads, the versions in `versions`, and
+        the job. The file also holds a hash of every file that the job opened, see `opened`. A saved
+        result is valid while these files are the same. So files of several machines may be put into
+        one folder.
 
         Args:
             function: job → result; it, the jobs and the results can be pickled.
@@ -344,7 +345,7 @@ def _load(job: _Job) -> _Result:
     """Read the saved result of a job."""
     try:
         return _Result(*joblib.load(job.path))
-    except (*UNREADABLE, EOFError, OSError, ImportError, pickle.UnpicklingError) as error:
+    except Exception as error:  # a damaged pickle may raise any
         raise InvalidInputError(
             f"jobs: got {job.path} that cannot be read ({error}), expected a saved result; "
             "delete it to run its job again"

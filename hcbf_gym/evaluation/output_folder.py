@@ -18,7 +18,8 @@ def open_folder(folder: Path, settings: Settings, overwrite: bool | None = None)
     Args:
         folder: the folder of the study's results.
         settings: the study's settings.
-        overwrite: accept a folder of any content; None for a command without such an option.
+        overwrite: accept a folder of any content, also with unreadable settings, and replace files
+            of the same names; None for a command without such an option.
 
     Raises:
         InvalidInputError: if the folder holds another study or anything else; it is left as it is.
@@ -50,10 +51,15 @@ def check_folder(folder: Path, settings: Settings, overwrite: bool | None = None
     check_place("output", folder)
     if folder.is_file():
         raise InvalidInputError(f"output: got the file {folder}, expected a folder")
+    if path.is_dir():
+        raise InvalidInputError(
+            f"output: got the folder {path}, expected a file there; delete it, or give another "
+            "--output"
+        )
     if overwrite:
         return
     if path.exists():
-        differing = _differences(path, json.loads(json.dumps(settings, allow_nan=False)))
+        differing = _differences(path, json.loads(json.dumps(settings, allow_nan=False)), flag)
         if differing:
             raise InvalidInputError(
                 f"output: {folder} holds another study, which differs in {differing}; "
@@ -77,13 +83,14 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def _differences(path: Path, settings: Settings) -> list[str]:
+def _differences(path: Path, settings: Settings, flag: str) -> list[str]:
     """Return the names of the settings that differ from those in a file at `path`."""
     try:
         saved = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InvalidInputError(
-            f"output: got {path} that cannot be read ({error}), expected the settings of a study"
+            f"output: got {path} that cannot be read ({error}), expected the settings of a "
+            f"study; give another --output{flag}"
         ) from error
     if not isinstance(saved, dict):
         return sorted(settings)

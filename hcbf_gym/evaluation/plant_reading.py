@@ -17,7 +17,7 @@ from hcbf_gym.models.plant import Estimate, Plant, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 
-class PlantConditions(NamedTuple):
+class RankedConditions(NamedTuple):
     """The m ranked conditions of a plant at one sample, with moving shapes as of time 0."""
 
     conditions: Sequence[Condition]  # (m,) name and rank of each condition
@@ -32,7 +32,7 @@ class PlantReading(NamedTuple):
     x: Array  # (n,) the state
     time: float  # [s]
     h: Array  # (m,) the values of the conditions at this state and time
-    conditions: Sequence[Condition]  # (m,) this field and the next two are of `PlantConditions`
+    conditions: Sequence[Condition]  # (m,) this field and the next two are of `RankedConditions`
     reads_position: Mask
     evaluate_at: Strict
 
@@ -74,16 +74,16 @@ def is_planar_double_integrator(model: ReducedOrderModel) -> bool:
     return isinstance(model, DoubleIntegrator) and model.n == 4
 
 
-def _planar_conditions(placed_scene: BarrierSet) -> PlantConditions:
+def _planar_conditions(placed_scene: BarrierSet) -> RankedConditions:
     """Return the conditions of scene 0, of which each place in the set's arrays is one."""
     reads_position = placed_scene.keeps_margin[0] > 0.0  # 1 for strict ones on the position, else 0
-    return PlantConditions(placed_scene.conditions(), reads_position, placed_scene.along)
+    return RankedConditions(placed_scene.conditions(), reads_position, placed_scene.along)
 
 
-def _general_conditions(given: Sequence[Barrier], placing: Placing) -> PlantConditions:
+def _general_conditions(given: Sequence[Barrier], placing: Placing) -> RankedConditions:
     """Return one condition for each barrier that `placing` has just placed."""
     barriers = placing.moved_to_time_zero(list(given))
-    return PlantConditions(
+    return RankedConditions(
         [Condition(barrier.name, barrier.priority) for barrier in barriers],
         np.array([barrier.reads_position for barrier in barriers], dtype=np.bool_),
         partial(_evaluate, barriers),

@@ -20,6 +20,10 @@ from hcbf_gym.errors import (
 )
 
 Backend = Literal["processes", "ray"]  # of this machine, or a Ray cluster (the extra `cluster`)
+IDLE_LIMIT = 86_400.0
+"""How long a worker waits for a job [s]: longer than any pause between two runs of a study. The
+limit of joblib, 300 s, may pass just as the next jobs are given, and then joblib warns of a worker
+that stopped. Workers end with this process, see `_follow`."""
 
 
 def count(backend: Backend, workers: int | None) -> int:
@@ -50,6 +54,7 @@ def parallel(backend: Backend, workers: int) -> joblib.Parallel:
     if backend == "processes":
         options |= {"backend": "loky", "inner_max_num_threads": 1}
         options |= {"initializer": _follow, "initargs": (os.getpid(),)}
+        options["idle_worker_timeout"] = IDLE_LIMIT
     else:
         ray_backend = importlib.import_module("ray.util.joblib.ray_backend").RayBackend()
         # Ray's class does not declare that its pool calls back, which is all that yielding needs

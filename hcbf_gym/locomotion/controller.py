@@ -120,7 +120,7 @@ class LocomotionController:
         settings.nominal = _core.nominal_stance(self.model.legs.hip)
         settings.bodies = self.model.bodies
 
-        # The compiled tick has no state of its own. It reads the settings, and writes to the memory
+        # The compiled tick has no state. It reads the settings, and writes to the memory
         # (what one tick leaves for the next) and the workspace (the QP and its torques).
         self._memory = np.zeros(1, dtype=MEMORY)
         workspace = np.zeros(1, dtype=WORKSPACE)

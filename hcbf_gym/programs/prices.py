@@ -95,7 +95,7 @@ class Prices(NamedTuple):
 
 
 def _weights_of_levels(weights: Sequence[float | None], delta_gamma: ArrayLike) -> Array:
-    """Return the table (1, 1 + L) of weights of the priorities from 1 on; None is strict."""
+    """Return the table (1, 1 + L) of Δγ and weights, given from priority 1 on; None is strict."""
     if isinstance(weights, str) or not isinstance(weights, Sequence):
         raise InvalidInputError(
             f"weights: got {shown(weights)}, expected a list of numbers or None"

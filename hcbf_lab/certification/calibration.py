@@ -2,7 +2,7 @@ r"""The calibration of a plant's margins: quantiles of measured needs, then a se
 
 Rows reserve a distance d, and an episode comes as near as its least h. A reserve of d − h would
 have been enough for it: this is the episode's *need*. The new reserve is exceeded by a share p of
-all needs. With x_k the k-th largest of n needs, and s the mean excess of the larger ones over it,
+all needs. With x_k the need that k of n needs exceed, and s their mean excess over it,
 
 .. math:: q = x_k + s \ln \frac{k}{n p}
 
@@ -29,7 +29,7 @@ from hcbf_gym.evaluation.attacks import PARAMETERS
 from hcbf_gym.models.plant import Uncertainty
 from hcbf_lab.certification.families import Seen
 
-ROUNDS = 4  # how often margins are changed before a plant is refused
+ROUNDS = 4  # with changed margins, after which a plant is refused whose episodes still enter
 TAIL_SHARE = 0.05  # of the needs, from which the tail is fitted
 MIN_TAIL_SIZE = 5  # the tail has at least so many needs
 BEYOND = (1.1, 1.25)
@@ -116,8 +116,8 @@ def calibrate(
     last = rounds[-1]
     raise RefusedError(
         f"calibration: after {ROUNDS} rounds {last.entered} of {last.episodes} episodes of the "
-        f"last {last.what} still entered, with {margins.distance:.3g} m "
-        f"and {margins.speed:.3g} m/s reserved: the plant does not do what its "
+        f"last {last.what} still entered, with {last.margins['distance']:.3g} m "
+        f"and {last.margins['speed']:.3g} m/s reserved: the plant does not do what its "
         "model predicts, and no margin makes up for it; look at delay, drag and U"
     )
 
@@ -211,7 +211,7 @@ def shown(seen: Sequence[Seen]) -> Shown:
 def _check_stake(seen: Sequence[Seen]) -> None:
     """Refuse episodes that put rank 1 to the test too seldom; warn if that is uncertain yet.
 
-    The certificate requires a share `PRESSED` of its own episodes. With a chance of about one half
+    The certificate requires a share `PRESSED` of fresh episodes. With a chance of about one half
     in each of n episodes, their number has a standard deviation of √n / 2.
     """
     stake, deviation = shown(seen), 0.5 * np.sqrt(len(seen))

@@ -123,7 +123,7 @@ class Page:
         self._updates += 1
 
     def _on_connect(self, client: viser.ClientHandle) -> None:
-        """Centre the robot beside the panel in a browser that has no view of its own yet."""
+        """Centre the robot beside the panel in a browser whose view is still the initial one."""
         camera, initial = client.camera, self._server.initial_camera
         view = np.array([camera.position, camera.look_at])
         if np.allclose(view, [initial.position, initial.look_at], atol=1e-3):

@@ -261,7 +261,7 @@ class VelocityFilter:
         self._core, self._settings, self._has_begun = core, settings, False
 
     def _core_of(self, settings: FilterSettings) -> FilterCore:
-        """Return a core without a monitor of its own, because `Odometry` compares measurements."""
+        """Return a core that leaves monitoring to `Odometry`, which compares measurements."""
         core = FilterCore(self._reduced.plant, self._reduced.input_set, settings)
         core.leave_monitor()
         core.guide.follows = self._input.guidance_follows

@@ -24,10 +24,10 @@ from hcbf_gym.errors import (
     shown,
 )
 from hcbf_gym.robots.body_points import radius, stand
+from hcbf_gym.robots.mjcf_files import read_by
 from hcbf_gym.robots.reader import compile_spec
 from hcbf_robots import carts
 from hcbf_robots.walkers import walker_policy, walker_terms
-from hcbf_robots.walkers.mjcf_files import read_by
 from hcbf_robots.walkers.walker_model import FREE_JOINT_SIZE, Parts, indices, walker_spec
 from hcbf_robots.walkers.walker_parts import Action, Body, Command, Fall, Phase, Physics, spread
 from hcbf_robots.walkers.walker_policy import Controller

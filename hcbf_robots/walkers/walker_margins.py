@@ -144,10 +144,11 @@ def stops(response: Response, speed: float, input_set: InputSet) -> float | None
     """Return the deceleration with which a body that follows τ + δ later stops [m/s²].
 
     Before it slows down, a body of the speed v moves by v (τ + δ). Meanwhile the model brakes with
-    a, and the margin grows by c a (τ + δ), but by no more than `GREATEST_ERROR`. The rest of the
-    path, ``x = (τ + δ) v − min(GREATEST_ERROR, c a (τ + δ))``, is taken `LATE_PATH_FACTOR` times
-    from the braking: ``v² / (2 a) + LATE_PATH_FACTOR x = v² / (2 stops)``. v is the greatest speed
-    that is commanded [m/s]. The result is None where no path is left.
+    a, and the margin grows by c a (τ + δ), c being `SETTLING_TIME`, but by no more than
+    `GREATEST_ERROR`. The rest of the path, ``x = (τ + δ) v − min(GREATEST_ERROR, c a (τ + δ))``, is
+    taken `LATE_PATH_FACTOR` times from the braking: ``v² / (2 a) + LATE_PATH_FACTOR x =
+    v² / (2 stops)``. v is the greatest speed that is commanded [m/s]. The result is None where no
+    path is left.
     """
     able, follows = (1.0 - braking.RESERVE) * braking.weakest(input_set), response.follows
     late_path = max(0.0, follows * speed - min(GREATEST_ERROR, SETTLING_TIME * able * follows))

@@ -1,12 +1,16 @@
 """A certificate covers the robot whose files it was earned on, in the scene that began."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
+import gymnasium as gym
 import pytest
 
 from hcbf_gym import certificates
+from hcbf_gym.errors import CoverageWarning
+from hcbf_gym.robots import a1
 from hcbf_robots import Walker, carts
 
 CARTS = Path(carts.__file__).parent
@@ -68,6 +72,40 @@ def test_a_file_that_is_changed_makes_another_robot(contract, file):
     assert identity(contract) != before
     path.write_text(text)
     assert identity(contract) == before
+
+
+HULL = """v 0 0 0
+v 0.1 0 0
+v 0 0.1 0
+v 0 0 0.1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+
+
+def test_a_mesh_that_is_changed_makes_another_robot_with_the_a1s_joints(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    mesh = tmp_path / "meshes" / "hull.obj"
+    text = a1.XML_FILE.read_text(encoding="utf-8")
+    head, trunk, rest = re.split(r'(<body name="trunk"[^>]*>)', text)
+    assets = '<asset><mesh name="hull" file="hull.obj"/></asset>'
+    hull = '<geom name="hull" type="mesh" mesh="hull" mass="0.1"/>'
+    xml = re.sub(r"<mujoco[^>]*>", rf'\g<0><compiler meshdir="meshes"/>{assets}', head)
+    (tmp_path / "hull.xml").write_text(f"{xml}{trunk}{hull}{rest}", encoding="utf-8")
+
+    def declared():
+        with pytest.warns(CoverageWarning, match="xml_file"):
+            env = gym.make("HCBF-A1Regions-v0", xml_file=str(tmp_path / "hull.xml"))
+        return env.unwrapped.declared["xml_file"]
+
+    mesh.write_text(HULL)
+    before = declared()
+    mesh.write_text(HULL.replace("v 0 0 0.1", "v 0 0 0.2"))
+    assert declared() != before
+    mesh.write_text(HULL)
+    assert declared() == before
 
 
 def test_what_no_file_names_makes_no_other_robot(contract):

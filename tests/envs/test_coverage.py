@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("released")
 
 
 def made(**options):
-    """Return the environment and its warnings of what is not covered."""
+    """Return the environment and its warnings of missing coverage."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         env = gym.make("HCBF-A1Regions-v0", **{"scenario": "random"} | options).unwrapped

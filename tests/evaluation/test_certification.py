@@ -89,6 +89,18 @@ def test_a_plant_that_does_not_deserve_margins_is_refused(run, message):
         calibrated(run)
 
 
+def test_a_refusal_states_the_margins_with_which_the_last_episodes_entered():
+    reserved = []
+
+    def run(margins, seeds, title):
+        reserved.append(margins.distance)
+        return plant(0.05, follows=0.0)(margins, seeds, title)
+
+    with pytest.raises(RefusedError) as raised:
+        calibrated(run)
+    assert f"entered, with {reserved[-1]:.3g} m and" in str(raised.value)
+
+
 def test_a_speed_limit_of_which_the_margin_leaves_nothing_is_refused():
     def run(margins, seeds, title):
         return [seen(1.0, margins.speed - 0.3, 2.0) for _ in seeds]

@@ -17,6 +17,7 @@ from needs import needs
 
 from hcbf_gym.errors import InvalidInputError, JobError, UnknownNameError
 from hcbf_gym.evaluation import jobs
+from hcbf_gym.evaluation import workers as backends
 from hcbf_gym.evaluation.jobs import Runs
 
 PATH = os.pathsep.join(
@@ -180,12 +181,27 @@ def test_a_ray_cluster_gives_the_same_loses_nothing_and_refuses_in_a_sentence(tm
     assert not any("\n" in text for text in refused)
 
 
-def test_a_file_that_is_no_result_is_refused_in_words(tmp_path):
-    over(abs, [1.0], tmp_path)
+def test_a_damaged_result_is_refused_in_words(tmp_path):
+    """Wherever it is cut or changed; a cut of the checksum at the end leaves the result whole."""
+    expected = over(abs, [1.0], tmp_path)
     (file,) = tmp_path.glob("*.job")
-    file.write_bytes(b"half of it")
-    with pytest.raises(InvalidInputError, match="delete it to run its job again"):
-        over(abs, [1.0], tmp_path)
+    whole, checksum = file.read_bytes(), 4
+    cut = [whole[:k] for k in range(len(whole) - checksum)]
+    changed = [whole[:k] + bytes([byte ^ 0x55]) + whole[k + 1 :] for k, byte in enumerate(whole)]
+    for damaged in (b"half of it", *cut, *changed):
+        file.write_bytes(damaged)
+        with pytest.raises(InvalidInputError, match="delete it to run its job again"):
+            over(abs, [1.0], tmp_path)
+    file.unlink()
+    assert over(abs, [1.0], tmp_path) == expected
+
+
+def test_idle_workers_wait_for_the_next_jobs(monkeypatch):
+    """joblib's limit of 300 s may pass as these are given, which makes it warn."""
+    given = {}
+    monkeypatch.setattr(joblib, "Parallel", lambda workers, **options: given.update(options))
+    backends.parallel("processes", 2)
+    assert given["idle_worker_timeout"] >= 3600.0
 
 
 def test_a_result_counts_only_while_the_files_that_its_job_opened_are_the_same(tmp_path):

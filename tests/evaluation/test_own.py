@@ -14,7 +14,7 @@ from needs import remedy
 from hcbf_gym import barriers, cli, wrappers
 from hcbf_gym.drawing import scene_plot
 from hcbf_gym.errors import InvalidInputError
-from hcbf_gym.evaluation import episode_plot, own_environment
+from hcbf_gym.evaluation import episode_plot, output_folder, own_environment
 from hcbf_gym.evaluation.recorded import rollout
 from hcbf_gym.evaluation.rollouts import Case
 
@@ -146,6 +146,28 @@ def test_a_folder_that_holds_another_run_is_not_overwritten_unasked(own, tmp_pat
     (tmp_path / "mine" / "settings.json").write_text("{", encoding="utf-8")
     evaluated(tmp_path / "mine", *first, "--overwrite")
     assert (tmp_path / "mine" / "notes.txt").read_text(encoding="utf-8") == "kept"
+
+
+@pytest.mark.parametrize("content", [b"{", b"\xff", b"[1]", b'{"seed": 1}', b""])
+def test_only_overwrite_replaces_the_settings_of_another_study(tmp_path, content):
+    file = tmp_path / "settings.json"
+    file.write_bytes(content)
+    for overwrite, choices in (
+        (None, "another --output"),
+        (False, "another --output.*--overwrite"),
+    ):
+        with pytest.raises(InvalidInputError, match=choices):
+            output_folder.open_folder(tmp_path, {"seed": 0}, overwrite)
+        assert file.read_bytes() == content
+    output_folder.open_folder(tmp_path, {"seed": 0}, overwrite=True)
+    assert json.loads(file.read_text(encoding="utf-8")) == {"seed": 0}
+
+
+@pytest.mark.parametrize("overwrite", [None, False, True])
+def test_a_folder_in_the_place_of_the_settings_is_refused(tmp_path, overwrite):
+    (tmp_path / "settings.json").mkdir()
+    with pytest.raises(InvalidInputError, match="delete it"):
+        output_folder.check_folder(tmp_path, {"seed": 0}, overwrite)
 
 
 def test_a_cap_on_the_speed_is_one_in_random_scenes_too(own, tmp_path):

@@ -240,9 +240,9 @@ def test_a_batch_is_its_plants_bit_for_bit(errs):
         chosen, report = many(u, case.estimate(x, t, error), t)
         for i, one in enumerate(each):
             part = slice(i, i + 1)
-            own, told = one(u[i], case.estimate(x[part], t[part], error[part]), t[i])
+            own, single = one(u[i], case.estimate(x[part], t[part], error[part]), t[i])
             assert own.tobytes() == chosen[i].tobytes()
-            assert told["verified"] == report["verified"][i]
+            assert single["verified"] == report["verified"][i]
         x = np.array([moved(one, to, case.period) for one, to in zip(x, chosen, strict=True)])
         t = t + case.period
 
@@ -426,8 +426,8 @@ def test_a_manoeuvre_of_the_users_is_followed(request):
     with pytest.raises(InvalidInputError, match="name not in"):
         gatekeeper.register(name, sidestep)
     gatekeeper._OWN[name] = lambda x, begun: 1 / 0
-    said = pytest.warns(SafetyWarning, match="ZeroDivisionError")
-    with said, pytest.warns(SafetyWarning, match="no manoeuvre"):
+    warned = pytest.warns(SafetyWarning, match="ZeroDivisionError")
+    with warned, pytest.warns(SafetyWarning, match="no manoeuvre"):
         _, report = found(np.zeros(2), x, 1.0)
     del gatekeeper._OWN[name]
     assert report["reason"] == Reason.UNVERIFIED

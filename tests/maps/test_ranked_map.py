@@ -324,7 +324,7 @@ def test_the_maps_of_nav2_are_read_unchanged():
 
 @pytest.mark.parametrize("x", [np.nan, np.inf, -np.inf, 1e300])
 def test_no_index_leaves_the_atlas_whatever_the_place(x):
-    """Without a fault the process goes on: what lies behind the atlas leads far out of memory."""
+    """The process does not crash: numbers behind the atlas would lead far out of memory."""
     atlas = room().conditions[0].pieces.packed
     memory = np.concatenate([atlas, 1e15 * np.arange(1.0, atlas.size + 1.0)])
     found = np.full(64, -1)

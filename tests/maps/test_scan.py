@@ -116,7 +116,7 @@ def test_with_errors_of_at_most_the_noise_the_true_distance_is_at_least_the_robo
         after = np.roll(met, -1, axis=0)
         near = np.linalg.norm(after - met, axis=1) < CLOSE
         between = 0.5 * (met + after)[near]
-        lies = h(scan, np.concatenate([met, between]))  # of the true surface: at 0 of its own h
+        lies = h(scan, np.concatenate([met, between]))  # of the true surface, whose own h is 0
         assert lies.max() <= scan.conditions[0].margin - margin + 1e-9
         beyond = max(beyond, (lies.max() - noise - FINE) / max(noise, 1e-3))
     assert beyond > 0.5  # what was reserved once was not enough

@@ -1,4 +1,4 @@
-"""Footprints as Nav2 writes them: the circle that holds them, and what is no outline."""
+"""Footprints as Nav2 writes them: the circle that contains them, and malformed outlines."""
 
 import math
 

@@ -182,7 +182,7 @@ def test_the_effect_of_a_command_after_its_time_is_reserved():
 def test_late_odometry_of_commands_that_lapse_is_no_alarm(late):
     monitor = MotionMonitor(HOLONOMIC.command, HOLONOMIC.response)
     place, moves, past = 0.0, 0.0, []
-    for k in range(400):  # called every 60 ms with a command that is good for 50 ms; it goes on
+    for k in range(400):  # called every 60 ms with a command that is good for 50 ms
         time, wanted = 0.06 * k, np.array([np.sign(np.sin(0.05 * k)), 0.0, 0.0])
         past.append((time, place, moves))
         stamp, at, was = next((p for p in reversed(past) if p[0] <= time - late), past[0])

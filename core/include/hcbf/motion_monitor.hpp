@@ -13,7 +13,8 @@
 // unmeasured robot the distance of r from the line to q ← (1 − T/W) q + ∫(c − v̂) dt is compared, and the
 // bound grows by A ‖q‖. Over longer windows, with e the mean residual of a sample and J the quarter turn,
 //   c ← (1 − T/W) c + T (e·v̂, e·Jv̂),   E ← (1 − T/W) E + T ‖v̂‖²,
-// and the alarm is raised where in both ‖c‖ > a E + k K S √(W₀ E) + d'. `robots.motion_monitor` has why.
+// and the alarm is raised where in both ‖c‖ > a E + k K S √(W₀ E) + d'. The module
+// `hcbf_robots.walkers.motion_monitor` derives the bounds.
 #pragma once
 #include <hcbf/command_history.hpp>
 #include <hcbf/monitor.hpp>
