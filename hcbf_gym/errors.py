@@ -216,8 +216,18 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
 
 
 def in_words(error: Exception) -> str:
-    """Return the message of an error, with its class unless it is an error of this package."""
-    return str(error) if isinstance(error, HcbfError) else f"{type(error).__name__}: {error}"
+    """Return the message of an error, with its class unless it is an error of this package.
+
+    It is the class alone if the error has no text, or raises another one while it is read.
+    """
+    kind = type(error).__name__
+    try:
+        text = str(error)
+    except Exception:  # a user's own class may raise anything
+        text = ""
+    if isinstance(error, HcbfError) and text:
+        return text
+    return f"{kind}: {text}" if text else kind
 
 
 def shown(value: object) -> str:

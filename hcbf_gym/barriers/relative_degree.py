@@ -95,7 +95,7 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     except UnreachableError:
         raise
     except InvalidInputError as error:
-        raise UnreachableError(str(error)) from error
+        raise UnreachableError(in_words(error)) from error
     except Exception as error:  # a user's own barrier may raise anything
         raise UnreachableError(
             f"{barrier.name}: its jet is not made of finite numbers ({in_words(error)}), expected "

@@ -146,7 +146,7 @@ def _jet_fault(barrier: Barrier, x: Array, t: float) -> str:
         jet = barrier.jet(x, t)
         is_finite = [bool(np.isfinite(field).all()) for field in jet]
     except Exception as error:  # a user's own barrier may raise anything
-        return f"it raised {type(error).__name__}: {error}"
+        return f"it raised {in_words(error)}"
     if not is_finite[0]:
         return f"h is {jet.h}"
     for name, finite in zip(JET_FIELDS, is_finite, strict=False):

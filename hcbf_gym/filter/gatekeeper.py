@@ -20,6 +20,7 @@ from hcbf_gym.errors import (
     check_options,
     choose,
     count,
+    in_words,
     listed,
     shown,
     text,
@@ -79,7 +80,8 @@ class Gate(NamedTuple):
             u = np.asarray(_OWN[name](np.array(x), begun), dtype=np.float64)
             return float(u[0]), float(u[1])
         except Exception as error:  # a user's own code may raise anything
-            warn_caller(f"safety filter: the manoeuvre {name!r} raised {error!r}", SafetyWarning)
+            message = f"safety filter: the manoeuvre {name!r} raised {in_words(error)}"
+            warn_caller(message, SafetyWarning)
             return math.nan, math.nan
 
 

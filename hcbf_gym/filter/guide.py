@@ -9,7 +9,14 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, warn_caller
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    check_options,
+    choose,
+    in_words,
+    warn_caller,
+)
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.samples import Samples
@@ -86,7 +93,7 @@ class Guide:
             if is_first:
                 raise
             if isinstance(guidance, Geodesic):
-                guidance.lose(str(error))
+                guidance.lose(in_words(error))
         self._update_lost()
 
     def why_lost(self, plants: Iterable[int]) -> str:
@@ -128,7 +135,7 @@ class Guide:
         try:
             guidance.follow(scenes, self._samples.time)
         except InvalidInputError as error:
-            warn_caller(f"{error}; it leads as before", SafetyWarning)
+            warn_caller(f"{in_words(error)}; it leads as before", SafetyWarning)
 
     def _pursue_goals(self, guidance: Geodesic, scenes: BarrierSet, world: World | None) -> None:
         """Take up changed goals and extents; look again for the paths that were not found."""
@@ -143,7 +150,7 @@ class Guide:
         try:
             guidance.pursue(scenes, *self._world, position, time, is_other_extent)
         except InvalidInputError as error:
-            guidance.lose(str(error))
+            guidance.lose(in_words(error))
         self._update_lost()
 
     def _update_lost(self) -> None:

@@ -18,6 +18,7 @@ from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
     SafetyWarning,
+    in_words,
     warn_caller,
 )
 from hcbf_gym.filter import gatekeeper
@@ -163,7 +164,7 @@ class Scenes:
             try:
                 barriers = origin.barriers(barriers)
             except InvalidInputError as error:
-                self._warn_once("far", f"far from the origin: {error}", SafetyWarning)
+                self._warn_once("far", f"far from the origin: {in_words(error)}", SafetyWarning)
                 raise
         given = self.read(barriers)
         if given is not self._given and not self._config.is_planar:

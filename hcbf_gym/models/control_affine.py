@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, count, finite_array, shown
+from hcbf_gym.errors import InvalidInputError, count, finite_array, in_words, shown
 from hcbf_gym.models.autodiff import compile64, import_jax, is_jax
 from hcbf_gym.models.reduced_order import ReducedOrderModel, namespace
 
@@ -111,6 +111,5 @@ def _value_at(name: str, function: Callable[[Any], Any], x: Array) -> Any:
         return function(x.copy())
     except Exception as error:  # a user's function may raise anything
         raise InvalidInputError(
-            f"{name}: got {type(error).__name__}: {error} at x = {shown(x.tolist())}, expected "
-            "numbers"
+            f"{name}: got {in_words(error)} at x = {shown(x.tolist())}, expected numbers"
         ) from error

@@ -12,7 +12,15 @@ from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, count, floats, instance, warn_caller
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    count,
+    floats,
+    in_words,
+    instance,
+    warn_caller,
+)
 from hcbf_gym.filter import certified
 from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.origin import World
@@ -203,5 +211,5 @@ class FilterBase:
         if name not in self._warned_readers:
             self._warned_readers.add(name)
             effect = "covered is 0" if name == "covered" else "the filter brakes until that ends"
-            message = f"safety filter: the reader of the {name} raised {error!r}; {effect}"
+            message = f"safety filter: the reader of the {name} raised {in_words(error)}; {effect}"
             warn_caller(message, SafetyWarning)

@@ -21,6 +21,7 @@ from hcbf_gym.errors import (
     RobotModelError,
     UnknownNameError,
     finite_float,
+    in_words,
     shown,
 )
 from hcbf_gym.robots.body_points import radius, stand
@@ -176,9 +177,7 @@ class Walker:
         except HcbfError:
             raise
         except Exception as error:  # a user's own function
-            raise InvalidInputError(
-                f"policy: {self.policy} raised {type(error).__name__}: {error}"
-            ) from error
+            raise InvalidInputError(f"policy: {self.policy} raised {in_words(error)}") from error
         if action.shape != (count,) or not np.isfinite(action).all():
             raise InvalidInputError(
                 f"policy: got {action.tolist()} at the start, expected {count} finite numbers, one "
