@@ -12,7 +12,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.barrier import Barrier, Jet, checked
 from hcbf_gym.errors import InvalidInputError, UnreachableError, in_words
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -105,7 +105,10 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
 
 def _reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     states, times = samples(model)
-    jets = [barrier.jet(x, float(t)) for x, t in zip(states, times, strict=True)]
+    jets = [
+        checked(barrier, barrier.jet(x, float(t)), model.n, finite=False)
+        for x, t in zip(states, times, strict=True)
+    ]
 
     def relative_lie_derivative(gradient: Array, x: Array) -> Array:
         """Return L_g ψ relative to ‖∇ψ‖ ‖g‖, because ψ may have any unit."""

@@ -22,6 +22,7 @@ from hcbf_gym.errors import (
     count,
     in_words,
     listed,
+    reals,
     shown,
     text,
     warn_caller,
@@ -77,7 +78,7 @@ class Gate(NamedTuple):
         """Return u of a registered manoeuvre, which the core calls; NaN ends its path."""
         name = self.names[index]
         try:
-            u = np.asarray(_OWN[name](np.array(x), begun), dtype=np.float64)
+            u = reals("u", _OWN[name](np.array(x), begun))
             return float(u[0]), float(u[1])
         except Exception as error:  # a user's own code may raise anything
             message = f"safety filter: the manoeuvre {name!r} raised {in_words(error)}"
