@@ -1,7 +1,9 @@
 """A user's own code may raise anything, and a refused barrier stays refused: the robot brakes."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode, VectorEnv
 
 from hcbf_gym import Plant
 from hcbf_gym.barriers import Barrier, Disc, Jet, LinearClassK, PlanarBarrier, SpeedLimit
@@ -12,7 +14,7 @@ from hcbf_gym.models import Box, ControlAffine, Coverage, DoubleIntegrator, Reas
 from hcbf_gym.models.plant import EXACT, Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
-from hcbf_gym.wrappers import SafetyFilter
+from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
 from tests.worlds import World
 
 MODELS = {"planar": DoubleIntegrator(), "with drag": DoubleIntegrator(drag=0.5)}
@@ -485,3 +487,75 @@ def test_a_conversion_of_actions_that_raises_is_an_error_before_the_environment_
     fails.clear()
     _, _, _, _, info = env.step(REST)
     assert info["safety_filter"]["status"] != FilterStatus.BACKUP
+
+
+class Worlds(VectorEnv):
+    """Three planar double integrators, of which the second's episode ends at the third step."""
+
+    def __init__(self, mode):
+        self.num_envs, self.metadata = 3, {"autoreset_mode": mode}
+        self.single_observation_space = gym.spaces.Box(-np.inf, np.inf, (4,), np.float64)
+        self.single_action_space = gym.spaces.Box(-2.0, 2.0, (2,), np.float64)
+        self.observation_space = gym.vector.utils.batch_space(self.single_observation_space, 3)
+        self.action_space = gym.vector.utils.batch_space(self.single_action_space, 3)
+
+    def reset(self, *, seed=None, options=None):
+        self.steps, self.x = 0, np.zeros((3, 4))
+        return self.x.copy(), {}
+
+    def step(self, actions):
+        self.steps += 1
+        self.x = MODELS["planar"].steps_of(self.x, actions, T)
+        ended, infos = np.arange(3) == 1 if self.steps == 3 else np.zeros(3, dtype=bool), {}
+        if self.is_new and self.steps == self.first:
+            self.x[1] = 0.0
+        if ended.any() and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
+            infos = {"final_info": {}, "_final_info": ended}
+        return self.x.copy(), np.zeros(3), ended, np.zeros(3, dtype=bool), infos
+
+    @property
+    def first(self):
+        """The step in which the second episode begins anew."""
+        return 3 + (self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP)
+
+    @property
+    def is_new(self):
+        return self.steps >= self.first
+
+
+INVALID_SCENES = {
+    "a limit below any input": [SpeedLimit("limit", 1, 1e-3)],
+    "no barrier": [3],
+    "no list": None,
+    "a barrier whose code fails": [Placed("own", 1)],
+}
+
+
+@pytest.mark.parametrize("scene", INVALID_SCENES)
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_invalid_barriers_of_an_episode_that_begins_within_a_step_brake_until_they_are_valid(
+    mode, scene
+):
+    valid, worlds, repaired = [Disc("disc", 1, (20.0, 0.3), 0.5)], Worlds(mode), []
+    if scene == "a barrier whose code fails":
+        INVALID_SCENES[scene][0].parts = {"planar_jet": SilentError()}
+
+    def barriers(env, x, info):
+        is_invalid = env.is_new and not repaired
+        return [valid, INVALID_SCENES[scene] if is_invalid else valid, valid]
+
+    plant = Plant(MODELS["planar"], barriers, lambda env, x, info: x, period=T)
+    env = VectorSafetyFilter(worlds, plant=plant)
+    env.reset()
+    reasons = []
+    for step in range(1, 8):
+        repaired += [True] if step > 5 else []
+        _, _, _, _, info = env.step(np.full((3, 2), 0.5))
+        reasons.append(info["safety_filter"]["reason"].tolist())
+    of_all = [Reason.BARRIERS] * 3  # the lists of all plants are read together
+    of_one = [0, int(Reason.BARRIERS), 0]
+    at_begin = worlds.first - 1
+    assert reasons[:at_begin] == [[0] * 3] * at_begin
+    assert reasons[at_begin] == of_one
+    assert reasons[at_begin + 1 : 5] == [of_all] * (4 - at_begin)
+    assert reasons[5:] == [[0] * 3] * 2
