@@ -10,6 +10,7 @@ import importlib.util
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -136,6 +137,35 @@ def instance(name: str, value: object, *kinds: type[T]) -> T:
         expected = " or ".join(f"a {kind.__name__}" for kind in kinds)
         raise InvalidInputError(f"{name}: got {shown(value)}, expected {expected}")
     return value
+
+
+def check_not_overridden(name: str, value: object, *kinds: type) -> None:
+    """Refuse an object of a user's subclass whose own methods compiled code would not call.
+
+    Args:
+        name: the argument's name, for the message.
+        value: an instance of one of `kinds`.
+        *kinds: dataclasses that compiled code reads by their numbers.
+    """
+    for cls in type(value).__mro__:
+        if cls in kinds:
+            return
+        changed = [
+            key
+            for key in vars(cls)
+            if key == "__call__" or not (key.startswith("__") or key in _field_names(kinds))
+            if any(hasattr(kind, key) for kind in kinds)
+        ]
+        if changed:
+            raise InvalidInputError(
+                f"{name}: got a {cls.__name__} with its own {', '.join(changed)}, expected "
+                f"{' or '.join(kind.__name__ for kind in kinds)} itself: compiled code reads its "
+                "numbers, and calls no method"
+            )
+
+
+def _field_names(kinds: Iterable[Any]) -> set[str]:
+    return {field.name for kind in kinds for field in fields(kind)}
 
 
 def flag(name: str, value: object) -> bool:

@@ -6,11 +6,20 @@ import pytest
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from hcbf_gym import Plant
-from hcbf_gym.barriers import Barrier, Disc, Jet, LinearClassK, PlanarBarrier, SpeedLimit
+from hcbf_gym.barriers import (
+    Barrier,
+    Disc,
+    Jet,
+    LinearClassK,
+    LogClassK,
+    PlanarBarrier,
+    SpeedLimit,
+    class_k,
+)
 from hcbf_gym.barriers.barrier import Core
 from hcbf_gym.certificates import Judged
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.models import Box, ControlAffine, Coverage, DoubleIntegrator, Reason
+from hcbf_gym.models import Ball, Box, ControlAffine, Coverage, DoubleIntegrator, Reason
 from hcbf_gym.models.plant import EXACT, Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
@@ -559,3 +568,33 @@ def test_invalid_barriers_of_an_episode_that_begins_within_a_step_brake_until_th
     assert reasons[at_begin] == of_one
     assert reasons[at_begin + 1 : 5] == [of_all] * (4 - at_begin)
     assert reasons[5:] == [[0] * 3] * 2
+
+
+def subclass(base, **methods):
+    """A user's subclass of a class that compiled code reads by its numbers."""
+    return type("Own", (base,), methods)
+
+
+@pytest.mark.parametrize("method", ["support", "project", "vertices"])
+@pytest.mark.parametrize("base", [Box, Ball])
+def test_an_input_set_with_a_method_that_no_compiled_code_calls_is_refused(base, method):
+    arguments = ([-2.0, -2.0], [2.0, 2.0]) if base is Box else (2.0,)
+
+    def plant(**methods):
+        inputs = subclass(base, **methods)(*arguments)
+        reader = lambda env, x, info: []  # noqa: E731
+        return Plant(MODELS["planar"], reader, lambda env, x, info: x, input_set=inputs)
+
+    assert plant().input_set is not None
+    with pytest.raises(InvalidInputError, match=f"its own {method}"):
+        plant(**{method: lambda self, *_: None})
+
+
+@pytest.mark.parametrize("method", ["__call__", "parameters", "inverse", "derivative"])
+@pytest.mark.parametrize("base", [LinearClassK, LogClassK])
+def test_a_class_k_function_with_a_method_that_no_compiled_code_calls_is_refused(base, method):
+    arguments = (1.0,) if base is LinearClassK else ()
+    own = subclass(base)(*arguments)
+    assert class_k.make(own) is own
+    with pytest.raises(InvalidInputError, match=f"its own {method}"):
+        class_k.make(subclass(base, **{method: lambda self, *_: None})(*arguments))
