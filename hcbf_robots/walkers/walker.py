@@ -22,6 +22,7 @@ from hcbf_gym.errors import (
     UnknownNameError,
     finite_float,
     in_words,
+    reals,
     shown,
 )
 from hcbf_gym.robots.body_points import radius, stand
@@ -173,7 +174,7 @@ class Walker:
         controller = self.controller((observer.size, count), model)
         observation = observer.observe()
         try:
-            action = np.asarray(controller(observation), dtype=np.float64)
+            action = reals("policy: action", controller(observation))
         except HcbfError:
             raise
         except Exception as error:  # a user's own function
