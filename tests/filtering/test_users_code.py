@@ -19,11 +19,21 @@ from hcbf_gym.barriers import (
 from hcbf_gym.barriers.barrier import Core
 from hcbf_gym.certificates import Judged
 from hcbf_gym.errors import InvalidInputError, SafetyWarning
-from hcbf_gym.models import Ball, Box, ControlAffine, Coverage, DoubleIntegrator, Reason
+from hcbf_gym.filter.certified import CertificateCoverage
+from hcbf_gym.models import (
+    Ball,
+    Box,
+    ControlAffine,
+    Coverage,
+    CoveredBy,
+    DoubleIntegrator,
+    Reason,
+)
 from hcbf_gym.models.plant import EXACT, Uncertainty
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter, VectorSafetyFilter
+from tests.certificates.test_certificate import made
 from tests.worlds import World
 
 MODELS = {"planar": DoubleIntegrator(), "with drag": DoubleIntegrator(drag=0.5)}
@@ -465,6 +475,15 @@ def test_an_unreadable_verdict_covers_nothing_and_the_warning_names_it(verdict):
     assert not any(int(one["reason"]) for one in found)
     with pytest.raises(InvalidInputError, match="covered"):
         reports({"covered": VERDICTS[verdict]}, {})
+
+
+def test_a_declared_value_that_cannot_be_read_covers_nothing_and_is_named():
+    certificate = made({"mass": 1.0})
+    reader = CertificateCoverage(certificate, {}, lambda *_: {"mass": Unreadable()})
+    verdict = reader(None, None, {})
+    assert (verdict.covered, verdict.covered_by) == (Coverage.OUTSIDE, CoveredBy.CERTIFICATE)
+    assert "OddError" in verdict.reasons[0]
+    assert reader._replace(declared={"mass": 1.0})(None, None, {}).covered == Coverage.COVERED
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no motor"), SilentError()])
