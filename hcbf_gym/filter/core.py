@@ -163,7 +163,9 @@ class FilterCore:
         begins = self.samples.fresh | self._looks_again
         if self.config.is_planar:
             scenes = self.scenes.current
-            if not self.scenes.is_refused:
+            if self.scenes.is_refused:
+                self.coverage.end_where_changed(begins)  # no scene that was tested
+            else:
                 self.coverage.check_scenes(self.scenes.check(scenes.of(begins)), begins)
             self.guide.begin(scenes, World(goal, extent), begins, is_first)
         self.samples.fresh[:] = self._looks_again = False
