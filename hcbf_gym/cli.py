@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from hcbf_gym import arguments as ranges
 from hcbf_gym import plugins, records
 from hcbf_gym.arguments import Subcommand
-from hcbf_gym.errors import HcbfError, choose, require
+from hcbf_gym.errors import HcbfError, choose, in_words, require
 
 OWN = {
     "evaluate": Subcommand(
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command = choose("command", name, commands())
         require(f"hcbf {name}", command.extra, *command.needs)
     except HcbfError as error:
-        sys.exit(f"error: {error}")
+        sys.exit(f"error: {in_words(error)}")
     run(command.module, f"hcbf {name}", rest)
 
 
@@ -89,13 +89,10 @@ def run(name: str, program: str, arguments: Sequence[str]) -> None:
         with threadpool_limits(threads), records.nothing_left_behind():
             module.main(args)
     except HcbfError as error:
-        sys.exit(f"error: {_one_line(error)}")
+        sys.exit(f"error: {_one_line(in_words(error))}")
     except Exception as error:  # of a user's own code, of the disk, or of this package
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        sys.exit(
-            f"error: {type(error).__name__}: {_one_line(error)} ({frame.filename}, line "
-            f"{frame.lineno})"
-        )
+        sys.exit(f"error: {_one_line(in_words(error))} ({frame.filename}, line {frame.lineno})")
     except KeyboardInterrupt:
         print(f"interrupted; {resumed}" if resumed else "interrupted", file=sys.stderr)
         sys.exit(130)

@@ -10,6 +10,7 @@ import importlib.util
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -136,6 +137,35 @@ def instance(name: str, value: object, *kinds: type[T]) -> T:
     return value
 
 
+def check_not_overridden(name: str, value: object, *kinds: type) -> None:
+    """Refuse an object of a user's subclass whose own methods compiled code would not call.
+
+    Args:
+        name: the argument's name, for the message.
+        value: an instance of one of `kinds`.
+        *kinds: dataclasses that compiled code reads by their numbers.
+    """
+    for cls in type(value).__mro__:
+        if cls in kinds:
+            return
+        changed = [
+            key
+            for key in vars(cls)
+            if key == "__call__" or not (key.startswith("__") or key in _field_names(kinds))
+            if any(hasattr(kind, key) for kind in kinds)
+        ]
+        if changed:
+            raise InvalidInputError(
+                f"{name}: got a {cls.__name__} with its own {', '.join(changed)}, expected "
+                f"{' or '.join(kind.__name__ for kind in kinds)} itself: compiled code reads its "
+                "numbers, and calls no method"
+            )
+
+
+def _field_names(kinds: Iterable[Any]) -> set[str]:
+    return {field.name for kind in kinds for field in fields(kind)}
+
+
 def flag(name: str, value: object) -> bool:
     """Return a truth value; numbers and text such as "False" are refused."""
     return bool(instance(name, value, bool, np.bool_))
@@ -214,8 +244,18 @@ def check_options(kind: str, options: Iterable[str], allowed: Iterable[str]) -> 
 
 
 def in_words(error: Exception) -> str:
-    """Return the message of an error, with its class unless it is an error of this package."""
-    return str(error) if isinstance(error, HcbfError) else f"{type(error).__name__}: {error}"
+    """Return the message of an error, with its class unless it is an error of this package.
+
+    It is the class alone if the error has no text, or raises another one while it is read.
+    """
+    kind = type(error).__name__
+    try:
+        text = str(error)
+    except Exception:  # a user's own class may raise anything
+        text = ""
+    if isinstance(error, HcbfError) and text:
+        return text
+    return f"{kind}: {text}" if text else kind
 
 
 def shown(value: object) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from hcbf_gym import opened, sources
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, require, text
+from hcbf_gym.errors import InvalidInputError, in_words, require, text
 
 EXTRA = "walkers"  # the extra that installs onnxruntime
 
@@ -44,9 +44,7 @@ def function(what: str, name: str) -> Callable[..., Any]:
     try:
         named = getattr(_module(source), attribute)
     except Exception as error:  # a user's module raises anything while it is imported
-        raise InvalidInputError(
-            f"{what}: got {name!r} ({type(error).__name__}: {error}), {expected}"
-        ) from error
+        raise InvalidInputError(f"{what}: got {name!r} ({in_words(error)}), {expected}") from error
     if not callable(named):
         raise InvalidInputError(f"{what}: got {name!r}, which is {named!r}, expected a function")
     return named
@@ -74,7 +72,7 @@ def module(what: str, source: str) -> ModuleType:
         return _module(source)
     except Exception as error:  # a user's module raises anything while it is imported
         raise InvalidInputError(
-            f"{what}: got {source!r} ({type(error).__name__}: {error}), expected a file or module "
+            f"{what}: got {source!r} ({in_words(error)}), expected a file or module "
             "that can be imported"
         ) from error
 

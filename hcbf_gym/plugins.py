@@ -4,7 +4,7 @@ import functools
 from importlib import metadata
 
 from hcbf_gym.arguments import Subcommand
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, in_words
 
 GROUP = "hcbf.commands"
 """The group of entry points by which packages add commands: each is a dict of `Subcommand`."""
@@ -23,7 +23,7 @@ def load() -> dict[str, Subcommand]:
             commands |= point.load()
         except Exception as error:  # of another package's code
             raise InvalidInputError(
-                f"entry point {point.name!r} of {GROUP}: got {error!r}, expected {point.value} to "
-                "be importable; uninstall or repair its package"
+                f"entry point {point.name!r} of {GROUP}: got {in_words(error)}, expected "
+                f"{point.value} to be importable; uninstall or repair its package"
             ) from error
     return commands

@@ -9,7 +9,14 @@ from PIL import Image
 
 from hcbf_gym import scenarios, wrappers
 from hcbf_gym.barriers import ConvexPolygon, Disc, Ellipse, HalfPlane
-from hcbf_gym.errors import CoverageWarning, InvalidInputError, finite_array, warned_once
+from hcbf_gym.errors import (
+    CoverageWarning,
+    HcbfError,
+    InvalidInputError,
+    finite_array,
+    in_words,
+    warned_once,
+)
 from hcbf_gym.estimation import Sensors
 from hcbf_gym.models import Box
 from hcbf_gym.scenarios import BoxObstacle
@@ -123,3 +130,28 @@ def test_a_warning_names_the_users_line(way, tmp_path):
         warnings.simplefilter("always")
         way(tmp_path) if way is a_map else way()
     assert {one.filename for one in raised} == {__file__}
+
+
+class SilentError(ValueError):
+    """An error of a user's own, whose text cannot be read."""
+
+    def __str__(self):
+        raise RuntimeError("no text")
+
+    __repr__ = __str__
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ValueError("no data"), "ValueError: no data"),
+        (ValueError(), "ValueError"),
+        (SilentError(), "SilentError"),
+        (InvalidInputError("x: got 1"), "x: got 1"),
+        (InvalidInputError(), "InvalidInputError"),
+        (HcbfError(""), "HcbfError"),
+    ],
+    ids=lambda one: type(one).__name__,
+)
+def test_an_error_without_a_readable_text_is_named_by_its_class(error, words):
+    assert in_words(error) == words

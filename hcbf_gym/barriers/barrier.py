@@ -13,7 +13,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.layout import LOWEST_RANK
-from hcbf_gym.errors import InvalidInputError, shown
+from hcbf_gym.errors import InvalidInputError, finite_array, reals, shown
 
 
 class Jet(NamedTuple):
@@ -72,31 +72,53 @@ class Core(NamedTuple):
     is_point: bool
 
 
-def checked(barrier: "Barrier", jet: Any, n: int, finite: bool = True) -> Jet:
+def checked(
+    barrier: "Barrier", jet: Any, n: int, finite: bool = True, count: int | None = None
+) -> Jet:
     """Return what a user's own barrier returned as a jet of n states, if it is one.
 
+    Args:
+        barrier: the barrier, whose name is in messages.
+        jet: what its `jet` returned, or its `batch`.
+        n: the number of states.
+        finite: whether all entries have to be finite.
+        count: N of a batch, whose fields have a leading N; None for one jet.
+
     Raises:
-        InvalidInputError: if it is no jet, or `finite` is true and an entry is not finite.
+        InvalidInputError: if it is no jet of real numbers, or an entry is not finite.
     """
-    if isinstance(jet, Jet) and is_plain(jet, n):
+    if count is None and isinstance(jet, Jet) and is_plain(jet, n):
         return jet
-    shapes = (), (n,), (n, n), (), (n,), ()
-    try:
-        fields = [np.asarray(field) for field in jet]
-        fits = len(fields) == len(shapes) and all(
-            getattr(given, "shape", ()) == shape and field.dtype.kind in "fiu"  # real numbers
-            for given, field, shape in zip(jet, fields, shapes, strict=False)
-        )
-    except (TypeError, ValueError):  # not iterable, or a ragged list
-        fields, fits = [], False
-    if not fits:
+    many = () if count is None else (count,)
+    shapes = many, (*many, n), (*many, n, n), many, (*many, n), many
+    fields = real_parts(jet, shapes)
+    if fields is None:
+        leading = "" if count is None else f" {count} times"
         raise InvalidInputError(
-            f"{barrier.name}: got the jet {jet!r}, expected a barriers.Jet of real numbers and "
-            f"arrays: h, ∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
+            f"{barrier.name}: got the jet {shown(jet)}, expected a barriers.Jet of real numbers "
+            f"and arrays{leading}: h, ∇h ({n},), ∇²h ({n}, {n}), ∂h/∂t, ∂∇h/∂t ({n},), ∂²h/∂t²"
         )
     if finite and not all(np.isfinite(field).all() for field in fields):
-        raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
-    return Jet._make(jet)
+        raise InvalidInputError(
+            f"{barrier.name}: got the jet {shown(jet)}, expected finite numbers"
+        )
+    return Jet._make(fields)
+
+
+def real_parts(parts: Any, shapes: tuple[tuple[int, ...], ...]) -> list[Any] | None:
+    """Return real numbers and arrays of the shapes; None if a user's code returned other parts.
+
+    Numbers become floats. Lists are refused in the place of arrays.
+    """
+    try:
+        given = list(parts)
+        arrays = [reals("part", part) for part in given]
+        is_array = [not isinstance(part, list | tuple) for part in given]
+    except Exception:  # not iterable, no real numbers, or a user's object that raises anything
+        return None
+    if not all(is_array) or tuple(array.shape for array in arrays) != shapes:
+        return None
+    return [array if array.ndim else float(array) for array in arrays]
 
 
 def is_plain(jet: Jet, n: int) -> bool:
@@ -173,7 +195,10 @@ class Barrier(ABC):
 
         The default calls `jet` N times; a subclass may compute all jets at once.
         """
-        jets = [self.jet(state, float(time)) for state, time in zip(x, t, strict=True)]
+        jets = [
+            checked(self, self.jet(state, float(time)), len(state), finite=False)
+            for state, time in zip(x, t, strict=True)
+        ]
         return Jet._make(np.array(field) for field in zip(*jets, strict=True))
 
 
@@ -210,21 +235,59 @@ class PlanarBarrier(Barrier):
 
     def jet(self, x: Array, t: float = 0.0) -> Jet:
         """Return h and its derivatives."""
-        w = self.frame_velocity
-        value, planar_gradient, planar_hessian = self.planar_jet(x[:2] - w * t)
+        w = velocity_of(self)
+        value, planar_gradient, planar_hessian = planar_jet_of(self, x[:2] - w * t)
         gradient, gradient_rate = np.zeros((2, len(x)))
         hessian = np.zeros((len(x), len(x)))
         gradient[:2] = planar_gradient
         hessian[:2, :2] = planar_hessian
         gradient_rate[:2] = -planar_hessian @ w
         return Jet(
-            h=float(value),
+            h=value,
             gradient=gradient,
             hessian=hessian,
             rate=float(-planar_gradient @ w),
             gradient_rate=gradient_rate,
             rate_rate=float(w @ planar_hessian @ w),
         )
+
+
+def velocity_of(barrier: PlanarBarrier) -> Array:
+    """Return (2,) the velocity of a barrier's frame [m/s].
+
+    Raises:
+        InvalidInputError: if a user's own is not made of two finite real numbers.
+    """
+    w = barrier.frame_velocity
+    is_plain_pair = type(w) is np.ndarray and w.dtype == np.float64 and w.shape == (2,)
+    if is_plain_pair and math.isfinite(w[0] + w[1]):
+        return w
+    return finite_array(f"{barrier.name}: frame_velocity", w, (2,))
+
+
+def planar_jet_of(barrier: PlanarBarrier, q: Array) -> tuple[float, Array, Array]:
+    """Return H, ∇H (2,) and ∇²H (2, 2) of a barrier at the position q (2,) in its frame.
+
+    Raises:
+        InvalidInputError: if a user's own returns anything but real numbers, or other shapes.
+    """
+    answer = barrier.planar_jet(q)
+    if type(answer) is tuple and len(answer) == 3:
+        h, gradient, hessian = answer
+        arrays_are_plain = all(
+            type(array) is np.ndarray and array.dtype == np.float64 and array.shape == shape
+            for array, shape in ((gradient, (2,)), (hessian, (2, 2)))
+        )
+        if arrays_are_plain and isinstance(h, float):
+            return float(h), gradient, hessian
+    parts = real_parts(answer, ((), (2,), (2, 2)))
+    if parts is None:
+        raise InvalidInputError(
+            f"{barrier.name}: got the planar jet {shown(answer)}, expected real numbers and "
+            "arrays: H, ∇H (2,), ∇²H (2, 2)"
+        )
+    h, gradient, hessian = parts
+    return h, gradient, hessian
 
 
 @dataclass(frozen=True, eq=False)

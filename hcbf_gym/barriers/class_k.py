@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym import _core, records
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, finite_float, shown
+from hcbf_gym.errors import InvalidInputError, check_not_overridden, finite_float, shown
 
 
 @dataclass(frozen=True)
@@ -175,6 +175,7 @@ def make(alpha: "ClassK | float | dict[str, Any]") -> ClassK:
         InvalidInputError: on anything else.
     """
     if isinstance(alpha, LinearClassK | LogClassK | BrakeClassK):
+        check_not_overridden("class-K function", alpha, LinearClassK, LogClassK, BrakeClassK)
         return alpha
     if isinstance(alpha, dict):
         return records.from_dict("class-K function", alpha, KINDS)

@@ -133,6 +133,8 @@ def _traced(
             ) from error
         if h.shape != ():
             raise InvalidInputError(f"{name}: got h of shape {h.shape}, expected a scalar")
+        if jax.numpy.iscomplexobj(h):  # JAX would differentiate its real part
+            raise InvalidInputError(f"{name}: got h of {h.dtype}, expected a real number")
         return h
 
     return traced

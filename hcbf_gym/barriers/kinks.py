@@ -13,7 +13,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers.barrier import Barrier, Jet, checked, is_plain
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, warn_caller
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, shown, warn_caller
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel
 
 STEP = 1e-6
@@ -67,7 +67,9 @@ class Kinks:
         if _is_finite(jet):
             return jet
         if not np.isfinite(jet.h):
-            raise InvalidInputError(f"{barrier.name}: got the jet {jet}, expected finite numbers")
+            raise InvalidInputError(
+                f"{barrier.name}: got the jet {shown(jet)}, expected finite numbers"
+            )
         for beside in self.states_beside(model, x, i):
             jet_beside = checked(barrier, barrier.jet(beside, t), model.n, finite=False)
             if _is_finite(jet_beside):

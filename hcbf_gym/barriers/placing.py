@@ -14,7 +14,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
+from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier, velocity_of
 from hcbf_gym.barriers.many import Flat
 from hcbf_gym.barriers.set import BarrierSet, places_of
 from hcbf_gym.barriers.shapes import SHAPES
@@ -136,7 +136,7 @@ class Placing:
         """
         previous, self._own_shapes = self._own_shapes, {}
         for place, barrier in given.own.items():
-            if not isinstance(barrier, PlanarBarrier) or not barrier.frame_velocity.any():
+            if not isinstance(barrier, PlanarBarrier) or not velocity_of(barrier).any():
                 continue
             since = float(self._since[place])
             shape = previous.get(place)
@@ -149,9 +149,9 @@ class Placing:
 
 def _at_zero(barrier: Barrier, since: float) -> Barrier:
     """Return a barrier whose time t₀ is `since` [s] as of time 0; itself if it does not move."""
-    if not (isinstance(barrier, PlanarBarrier) and since and barrier.frame_velocity.any()):
+    if not (isinstance(barrier, PlanarBarrier) and since and velocity_of(barrier).any()):
         return barrier
-    step = -since * barrier.frame_velocity
+    step = -since * velocity_of(barrier)
     if type(barrier) in SHAPES:
         return barrier.moved(step)
     return PlanarBarrier.moved(barrier, step)  # a user's own class need not define `moved`

@@ -11,11 +11,12 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier
+from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier, planar_jet_of, velocity_of
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.rows import ALPHA2_PSI, DIP, PSI, WIDTH, B, CbfRows, H, RowSettings
 from hcbf_gym.barriers.set import BarrierSet
+from hcbf_gym.errors import reals
 from hcbf_gym.models.reduced_order import DoubleIntegrator
 
 
@@ -106,29 +107,30 @@ def _write_held_row(
     barrier: PlanarBarrier, x: Array, t: float, packed: Array, reserved: Reserved, out: Array
 ) -> bool:
     """Write the row for a held input; return False if the barrier has no core or is at a kink."""
-    w = barrier.frame_velocity
+    w = velocity_of(barrier)
     q = x[:2] - w * t  # the position in the barrier's frame
     v = x[2:] - w  # the velocity in it
     speed = float(np.linalg.norm(v))
     core = barrier.core(q, _core.row_reach(speed, packed))
     if core is None:
         return False
-    h, gradient, hessian = barrier.planar_jet(q)
+    h, gradient, hessian = planar_jet_of(barrier, q)
+    distance, radius = float(reals("core", core.distance)), float(reals("core", core.radius))
     if not np.isfinite(np.sum(gradient) + np.sum(hessian)):
         return False
-    net = float(h) - reserved.margin - _core.row_beside_core(float(core.radius), packed)
+    net = h - reserved.margin - _core.row_beside_core(radius, packed)
     rate = float(gradient @ v) - reserved.rate
     sideways = 0.0  # the speed around the core; around a point v·∇²h·v is sideways²/distance
     if core.is_point:
-        sideways = float(np.sqrt(max(0.0, core.distance * float(v @ hessian @ v))))
+        sideways = float(np.sqrt(max(0.0, distance * float(v @ hessian @ v))))
     b, alpha2_psi, psi, loss = _core.held_row(
-        net, rate, reserved.quickening, speed, sideways, float(core.distance), packed
+        net, rate, reserved.quickening, speed, sideways, distance, packed
     )
     if psi < 0.0:  # too late for α₂: request at least what still stops at the margin, if U can
         greatest = _core.row_support(packed, float(gradient[0]), float(gradient[1]))
         b = max(b, _core.row_late(net, rate, loss, greatest))
     out[WIDTH:] = gradient
-    out[[B, H, ALPHA2_PSI, PSI]] = b, float(h), alpha2_psi, psi
+    out[[B, H, ALPHA2_PSI, PSI]] = b, h, alpha2_psi, psi
     return True
 
 

@@ -6,7 +6,7 @@ from hcbf_gym.barriers.function_cache import FunctionCache
 from hcbf_gym.barriers.relative_degree import Reach, reach_by_jets, samples
 from hcbf_gym.barriers.shapes import SHAPES, HalfPlane
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, UnreachableError
+from hcbf_gym.errors import InvalidInputError, UnreachableError, in_words
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
 _BOUNDED = {*SHAPES} - {HalfPlane}
@@ -47,5 +47,5 @@ class Reaches:
             jet = barrier.jet(self._sampled_state, 0.0)
             jet = checked(barrier, jet, self._model.n, finite=False)
         except InvalidInputError as error:
-            raise UnreachableError(str(error)) from error
+            raise UnreachableError(in_words(error)) from error
         return (jet.gradient != 0.0).tobytes()

@@ -12,7 +12,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers.barrier import Barrier, Jet
+from hcbf_gym.barriers.barrier import Barrier, Jet, checked
 from hcbf_gym.errors import InvalidInputError, UnreachableError, in_words
 from hcbf_gym.models.reduced_order import ReducedOrderModel
 
@@ -95,7 +95,7 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     except UnreachableError:
         raise
     except InvalidInputError as error:
-        raise UnreachableError(str(error)) from error
+        raise UnreachableError(in_words(error)) from error
     except Exception as error:  # a user's own barrier may raise anything
         raise UnreachableError(
             f"{barrier.name}: its jet is not made of finite numbers ({in_words(error)}), expected "
@@ -105,7 +105,10 @@ def reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
 
 def _reach_by_jets(barrier: Barrier, model: ReducedOrderModel) -> Reach:
     states, times = samples(model)
-    jets = [barrier.jet(x, float(t)) for x, t in zip(states, times, strict=True)]
+    jets = [
+        checked(barrier, barrier.jet(x, float(t)), model.n, finite=False)
+        for x, t in zip(states, times, strict=True)
+    ]
 
     def relative_lie_derivative(gradient: Array, x: Array) -> Array:
         """Return L_g ψ relative to ‖∇ψ‖ ‖g‖, because ψ may have any unit."""

@@ -9,7 +9,7 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Barrier, Jet, reads_time
+from hcbf_gym.barriers.barrier import Barrier, Jet, checked, reads_time
 from hcbf_gym.barriers.many import Element, Flat, Shapes, each, is_list
 from hcbf_gym.barriers.mapped import Atlas, Mapped
 from hcbf_gym.barriers.shape import Shape
@@ -223,7 +223,7 @@ class BarrierSet:
     def write_own_values(self, x: Array, t: Array, h: Array) -> None:
         """Write into h (N, m) the values of users' own barriers."""
         for scenes, k, barrier in self._shared():
-            h[scenes, k] = barrier.batch(x[scenes], t[scenes]).h
+            h[scenes, k] = _jets(barrier, x[scenes], t[scenes]).h
 
     def along(self, x: Array, t: Array) -> Array:
         """Return h (k, m) of scene 0 at k states x (k, 4) and times t (k,)."""
@@ -232,7 +232,7 @@ class BarrierSet:
         _core.barrier_values(kind, parameters, self.atlas.numbers, x, t, h)
         for (i, k), barrier in self.own.items():
             if i == 0:
-                h[:, k] = barrier.batch(x, t).h
+                h[:, k] = _jets(barrier, x, t).h
         return h
 
     def sense(self, x: Array, t: Array) -> tuple[Array, Array]:
@@ -243,7 +243,7 @@ class BarrierSet:
         h, sensed = np.empty(self.kind.shape), np.empty((*self.kind.shape, 4))
         _core.barrier_sense(self.kind, self.parameters, self.atlas.numbers, x, t, h, sensed)
         for scenes, k, barrier in self._shared():
-            jet = barrier.batch(x[scenes], t[scenes])
+            jet = _jets(barrier, x[scenes], t[scenes])
             h[scenes, k] = jet.h
             sensed[scenes, k] = _sensed(jet)
         return h, sensed
@@ -268,6 +268,11 @@ def places_of(listed: Flat) -> Iterator[tuple[Barrier | Shapes, int, int]]:
 def _length(listed: Flat) -> int:
     """Return the number of rows that the barriers of a scene have."""
     return sum(len(barrier) if isinstance(barrier, Shapes) else 1 for barrier in listed)
+
+
+def _jets(barrier: Barrier, x: Array, t: Array) -> Jet:
+    """Return the jets of a user's own barrier at states x (N, 4) and times t (N,)."""
+    return checked(barrier, barrier.batch(x, t), x.shape[1], finite=False, count=len(x))
 
 
 def _sensed(jet: Jet) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.models.compiled import compiled
 from hcbf_gym.models.input_sets import InputSet
@@ -153,10 +153,10 @@ def _by_barrier(entries: Sequence[Entry]) -> Iterator[tuple[Barrier, int, list[i
 def _derivatives(barrier: Barrier, x: Array, time: Array) -> tuple[Array, Array]:
     """Return ∇h (k, n) and H (k, n, n) at states x (k, n) and times (k,)."""
     if len(x) == 1:  # a single plant needs no method for batches
-        jet = barrier.jet(x[0], float(time[0]))
-        return jet.gradient, np.asarray(jet.hessian)[None]
-    jets = barrier.batch(x, time)
-    return jets.gradient, np.asarray(jets.hessian)
+        jet = checked(barrier, barrier.jet(x[0], float(time[0])), x.shape[1], finite=False)
+        return jet.gradient, jet.hessian[None]
+    jets = checked(barrier, barrier.batch(x, time), x.shape[1], finite=False, count=len(x))
+    return jets.gradient, jets.hessian
 
 
 def _second_order_loss(hessian: Array, root: Array, error: Array) -> Array:

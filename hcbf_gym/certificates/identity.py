@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.certificates.introspection import attributes, is_opaque, name_of, reads, release
-from hcbf_gym.errors import HcbfError
+from hcbf_gym.errors import HcbfError, in_words
 
 NUMBERS = int, float, complex, str, bytes
 PLAIN = (*NUMBERS, bool, type(None), type(...), type(NotImplemented))
@@ -65,7 +65,7 @@ def of(thing: object, name: str = "object") -> str:
     except UnhashableError:
         raise
     except Exception as error:  # attributes and pickling run a user's code, which raises anything
-        raise UnhashableError(f"{': '.join(walk.path)}: {error}") from error
+        raise UnhashableError(f"{': '.join(walk.path)}: {in_words(error)}") from error
     return walk.hash.hexdigest()[:20]
 
 

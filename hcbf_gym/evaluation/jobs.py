@@ -31,7 +31,7 @@ from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from hcbf_gym import opened, version
 from hcbf_gym.certificates import same
-from hcbf_gym.errors import HcbfError, InvalidInputError, JobError, warn_caller
+from hcbf_gym.errors import HcbfError, InvalidInputError, JobError, in_words, warn_caller
 from hcbf_gym.evaluation import workers as backends
 from hcbf_gym.evaluation.workers import Backend
 from hcbf_gym.opened import MISSING, content
@@ -326,7 +326,7 @@ def _failure(job: _Job, event: str, error: Exception) -> Exception:
     """Return an error of this package as it is, and others as a `JobError` that names the job."""
     if isinstance(error, HcbfError):
         return error
-    reason = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
+    reason = in_words(error).strip().partition("\n")[0]
     failure = JobError(f"{job}: {event} {reason}")
     failure.__cause__ = error
     return failure

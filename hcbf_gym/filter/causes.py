@@ -5,10 +5,10 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Mask
-from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.kinks import SMOOTH
 from hcbf_gym.barriers.many import Shapes
-from hcbf_gym.errors import SafetyWarning, in_words, shown, warn_caller
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, in_words, shown, warn_caller
 from hcbf_gym.filter.guide import Guide
 from hcbf_gym.filter.row_maker import RowMaker
 from hcbf_gym.filter.samples import Samples, real_array
@@ -43,7 +43,10 @@ class CauseFinder:
             Reason.MOVES: self._moving_region,
         }.get(reason)
         first_plant = int(np.flatnonzero(plants)[0])
-        return "" if find_cause is None else find_cause(first_plant, estimate)
+        try:
+            return "" if find_cause is None else find_cause(first_plant, estimate)
+        except Exception as error:  # of a user's own object that is read or shown
+            return in_words(error)
 
     def _state_fault(self, i: int, estimate: Estimate) -> str:
         """Return which value in the estimate of plant i is invalid; "" if all seem valid."""
@@ -143,14 +146,17 @@ def _elapsed_fault(name: str, elapsed: Array) -> str:
 def _jet_fault(barrier: Barrier, x: Array, t: float) -> str:
     """Return which value or derivative of a barrier is not finite; "" if all are."""
     try:
-        jet = barrier.jet(x, t)
-        is_finite = [bool(np.isfinite(field).all()) for field in jet]
+        given = barrier.jet(x, t)
     except Exception as error:  # a user's own barrier may raise anything
-        return f"it raised {type(error).__name__}: {error}"
-    if not is_finite[0]:
+        return f"it raised {in_words(error)}"
+    try:
+        jet = checked(barrier, given, len(x), finite=False)
+    except InvalidInputError as error:
+        return in_words(error)
+    if not np.isfinite(jet.h):
         return f"h is {jet.h}"
-    for name, finite in zip(JET_FIELDS, is_finite, strict=False):
-        if not finite:
+    for name, derivative in zip(JET_FIELDS, jet, strict=True):
+        if not np.isfinite(derivative).all():
             return f"h is {jet.h:.4g} and its {name} is not finite ({SMOOTH})"
     return ""
 

@@ -27,7 +27,7 @@ from hcbf_gym import certificates, programs, records
 from hcbf_gym.arrays import Info
 from hcbf_gym.barriers import class_k
 from hcbf_gym.certificates import Certificate, Judged, judge, warn_of_version
-from hcbf_gym.errors import CoverageWarning, warn_caller
+from hcbf_gym.errors import CoverageWarning, in_words, warn_caller
 from hcbf_gym.filter.settings import FilterSettings, alphas_of
 from hcbf_gym.models.plant import EXACT, Coverage, CoveredBy, Plant, Reader, read
 from hcbf_gym.models.reduced_order import DoubleIntegrator
@@ -49,9 +49,13 @@ class CertificateCoverage(NamedTuple):
 
     def __call__(self, env: object, observation: object, info: Info) -> Judged:
         """Return whether the certificate covers the plant with its present declared values."""
-        latest = read(self.declared, env, observation, info) or {}
-        identity = {**self.identity, **latest}
-        return judge(identity, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
+        latest = read(self.declared, env, observation, info)
+        try:
+            identity = {**self.identity, **(latest or {})}
+            return judge(identity, self.certificate.plant, reason=CoveredBy.CERTIFICATE)
+        except Exception as error:  # a user's own values may raise anything when they are read
+            reasons = (f"declared: unreadable ({in_words(error)})",)
+            return Judged(Coverage.OUTSIDE, CoveredBy.CERTIFICATE, reasons)
 
 
 def with_certificate(plant: Plant, certificate: Certificate, env: object) -> Plant:

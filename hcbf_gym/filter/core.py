@@ -138,6 +138,7 @@ class FilterCore:
         extent: object,
         since: float | None = None,
         is_first: bool = True,
+        refuses: bool = True,
     ) -> Info:
         """Take the first states of new episodes, and return the report of a reset.
 
@@ -150,16 +151,22 @@ class FilterCore:
             extent: ((x_min, y_min), (x_max, y_max)) of the world [m]; None if it is not known.
             since: as in `step`.
             is_first: whether a malformed goal or extent is refused; if not, the plants brake.
+            refuses: whether invalid barriers are refused; if not, as where episodes begin within a
+                step, the plants brake.
         """
         self.samples.take(estimate)
         self.scenes.take(barriers, estimate, since, counts=False)
         refusal = self.scenes.refusal
-        if isinstance(refusal, InvalidInputError) and not isinstance(refusal, UnreachableError):
+        is_invalid = isinstance(refusal, InvalidInputError)
+        if refuses and is_invalid and not isinstance(refusal, UnreachableError):
             raise refusal  # the plants brake if no input reaches a barrier, or its code fails
         begins = self.samples.fresh | self._looks_again
         if self.config.is_planar:
             scenes = self.scenes.current
-            self.coverage.check_scenes(self.scenes.check(scenes.of(begins)), begins)
+            if self.scenes.is_refused:
+                self.coverage.end_where_changed(begins)  # no scene that was tested
+            else:
+                self.coverage.check_scenes(self.scenes.check(scenes.of(begins)), begins)
             self.guide.begin(scenes, World(goal, extent), begins, is_first)
         self.samples.fresh[:] = self._looks_again = False
         snapshot, steps = self._rows.snapshot(), self.samples.steps.copy()

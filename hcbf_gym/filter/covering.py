@@ -8,7 +8,7 @@ import numpy as np
 
 from hcbf_gym.arrays import Integers, Mask, Records
 from hcbf_gym.certificates import Judged, of_another_version, warn_of_version
-from hcbf_gym.errors import InvalidInputError, as_array
+from hcbf_gym.errors import InvalidInputError, as_array, shown
 from hcbf_gym.filter.certified import CertificateCoverage
 from hcbf_gym.models.plant import Coverage, CoveredBy, Plant
 
@@ -28,6 +28,10 @@ class EpisodeCoverage:
         self.is_new = True
         self._coverage: Integers = np.zeros(count, dtype=np.int64)
         self._reason: Integers = np.zeros(count, dtype=np.int64)
+
+    def check(self, covered: object) -> None:
+        """Refuse a verdict that is none, by an InvalidInputError."""
+        self._checked_verdict(covered)
 
     def begin(self, covered: object, fresh: Mask) -> None:
         """Set the coverage of new episodes; a development version covers none of them.
@@ -83,8 +87,17 @@ class EpisodeCoverage:
         coverage = as_array("covered", covered if judged is None else judged.covered)
         is_valid = coverage.dtype.kind in "iu" and np.isin(coverage, list(Coverage)).all()
         if not is_valid or coverage.shape not in ((), shape):
-            raise InvalidInputError(f"covered: got {covered!r}, expected one of {list(Coverage)}")
-        reason = DEFAULT_REASONS[coverage] if judged is None else judged.covered_by
+            raise InvalidInputError(
+                f"covered: got {shown(covered)}, expected one of {list(Coverage)}"
+            )
+        reason = DEFAULT_REASONS[coverage]
+        if judged is not None:
+            reason = as_array("covered_by", judged.covered_by)
+            is_valid = reason.dtype.kind in "iu" and np.isin(reason, list(CoveredBy)).all()
+            if not is_valid or reason.shape not in ((), shape):
+                raise InvalidInputError(
+                    f"covered_by: got {shown(judged.covered_by)}, expected one of {list(CoveredBy)}"
+                )
         unreleased = of_another_version()
         if unreleased and (coverage != Coverage.OUTSIDE).any():
             warn_of_version(unreleased)

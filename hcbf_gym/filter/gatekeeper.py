@@ -20,7 +20,9 @@ from hcbf_gym.errors import (
     check_options,
     choose,
     count,
+    in_words,
     listed,
+    reals,
     shown,
     text,
     warn_caller,
@@ -76,10 +78,11 @@ class Gate(NamedTuple):
         """Return u of a registered manoeuvre, which the core calls; NaN ends its path."""
         name = self.names[index]
         try:
-            u = np.asarray(_OWN[name](np.array(x), begun), dtype=np.float64)
+            u = reals("u", _OWN[name](np.array(x), begun))
             return float(u[0]), float(u[1])
         except Exception as error:  # a user's own code may raise anything
-            warn_caller(f"safety filter: the manoeuvre {name!r} raised {error!r}", SafetyWarning)
+            message = f"safety filter: the manoeuvre {name!r} raised {in_words(error)}"
+            warn_caller(message, SafetyWarning)
             return math.nan, math.nan
 
 

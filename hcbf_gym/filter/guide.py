@@ -1,7 +1,6 @@
 """Guidance of N planar double integrators, which becomes a row of the program or shapes u*."""
 
 from collections.abc import Iterable, Mapping
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,15 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Mask
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, check_options, choose, warn_caller
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    check_options,
+    choose,
+    in_words,
+    reals,
+    warn_caller,
+)
 from hcbf_gym.filter.configured import FilterConfig
 from hcbf_gym.filter.origin import World
 from hcbf_gym.filter.samples import Samples
@@ -77,16 +84,16 @@ class Guide:
             if isinstance(guidance, Local):
                 guidance.reset(scenes, mask=mask)
             elif guidance is not None:
-                self._world = deepcopy(samples.origin.world(world)) or World(None, None)
+                self._world = _copied(samples.origin.world(world))
                 start = np.nan_to_num(samples.x[:, :2], posinf=0.0, neginf=0.0)
                 time = np.nan_to_num(samples.time, posinf=0.0, neginf=0.0)
                 clearance = self._config.clearance
                 guidance.begin(scenes, *self._world, clearance, start=start, mask=mask, t=time)
-        except InvalidInputError as error:
+        except Exception as error:  # a user's goal or barrier may raise anything
             if is_first:
                 raise
             if isinstance(guidance, Geodesic):
-                guidance.lose(str(error))
+                guidance.lose(in_words(error))
         self._update_lost()
 
     def why_lost(self, plants: Iterable[int]) -> str:
@@ -127,8 +134,8 @@ class Guide:
         """Take up changed maps; if a map has another grid, warn and keep the previous one."""
         try:
             guidance.follow(scenes, self._samples.time)
-        except InvalidInputError as error:
-            warn_caller(f"{error}; it leads as before", SafetyWarning)
+        except Exception as error:  # a user's barrier may raise anything
+            warn_caller(f"{in_words(error)}; it leads as before", SafetyWarning)
 
     def _pursue_goals(self, guidance: Geodesic, scenes: BarrierSet, world: World | None) -> None:
         """Take up changed goals and extents; look again for the paths that were not found."""
@@ -137,13 +144,13 @@ class Guide:
         if is_same_world and not guidance.lost:
             return
         if world is not None and not is_same_world:
-            self._world = deepcopy(world)
+            self._world = _copied(world)
         is_other_extent = not _are_equal(self._world.extent, previous.extent)
         position, time = samples.x[:, :2], samples.time
         try:
             guidance.pursue(scenes, *self._world, position, time, is_other_extent)
-        except InvalidInputError as error:
-            guidance.lose(str(error))
+        except Exception as error:  # a user's goal or barrier may raise anything
+            guidance.lose(in_words(error))
         self._update_lost()
 
     def _update_lost(self) -> None:
@@ -167,6 +174,19 @@ class Guide:
         leads_axle = distance > guidance.pull.look_ahead
         x[:, :2] -= np.where(leads_axle, self._look_ahead, 0.0) * forward
         return x
+
+
+def _copied(world: World | None) -> World:
+    """Return a copy of a world, which its owner may edit; unreadable parts as they are."""
+    return World(None, None) if world is None else World(*map(_copied_part, world))
+
+
+def _copied_part(points: Any) -> Any:
+    """Return a copy of a goal or an extent, which may be None."""
+    try:
+        return None if points is None else reals("points", points)
+    except Exception:  # a foreign object may raise anything; guidance refuses it
+        return points
 
 
 def _are_equal(now: Any, before: Any) -> bool:

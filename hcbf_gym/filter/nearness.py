@@ -22,7 +22,7 @@ import numpy as np
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Integers, Mask
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Barrier
+from hcbf_gym.barriers.barrier import Barrier, checked
 from hcbf_gym.barriers.many import Flat
 from hcbf_gym.barriers.set import BarrierSet, places_of
 
@@ -69,8 +69,9 @@ class Nearness:
             valid: (N,) the plants whose states can be compared.
         """
         speed = np.linalg.norm(now.parameters[..., _VELOCITY], axis=2) * now.is_region
-        self._forgiven_rate = FORGIVEN_SPEED + FORGIVEN_SHARE * speed
+        forgiven_rate = FORGIVEN_SPEED + FORGIVEN_SHARE * speed
         if not before.kind.size or not now.kind.size:
+            self._forgiven_rate = forgiven_rate
             self._pending, self._counted = np.zeros((2, *now.kind.shape))
             return
         h_before, h_now = _heights(before, x, t), _heights(now, x, t)
@@ -78,13 +79,14 @@ class Nearness:
         for (i, k), barrier in now.own.items():
             k_before = int(source[i, k])
             previous = before.own.get((i, k_before))
-            if previous is not None and previous is not barrier and barrier.reads_position:
+            if previous is not None and previous is not barrier:
                 h_before[i, k_before] = _height(previous, x[i], float(t[i]))
                 h_now[i, k] = _height(barrier, x[i], float(t[i]))
         with np.errstate(invalid="ignore"):
             approach = _at_source(h_before, source) - h_now
         has_source = source != _NO_SOURCE
         is_known = (valid & changed)[:, None] & has_source & np.isfinite(approach)
+        self._forgiven_rate = forgiven_rate
         self._pending = _at_source(self._pending, source)
         self._counted = _at_source(self._counted, source)
         self._pending[is_known] += approach[is_known]
@@ -129,8 +131,9 @@ def _height(barrier: Barrier, x: Array, t: float) -> float:
     A lower h of a condition on the speed does not mean that something has moved.
     """
     try:
-        jet = barrier.jet(x, t)
-        return float(jet.h) if np.any(jet.gradient[:2]) else math.nan
+        jet = checked(barrier, barrier.jet(x, t), len(x), finite=False)
+        is_placed = barrier.reads_position and np.any(jet.gradient[:2])
+        return jet.h if is_placed else math.nan
     except Exception:  # it may raise anything
         return math.nan
 

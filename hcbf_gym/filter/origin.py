@@ -10,7 +10,7 @@ from hcbf_gym.barriers import Barrier, PlanarBarrier, Shape, Shapes
 from hcbf_gym.barriers.many import Flat, each, is_list
 from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.barriers.shapes import SHAPES
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, reals
 from hcbf_gym.models.constants import ON_EARTH
 from hcbf_gym.models.reduced_order import DoubleIntegrator, ReducedOrderModel, SingleIntegrator
 from hcbf_gym.models.vehicles import KinematicBicycle, Unicycle
@@ -82,7 +82,7 @@ class Origin:
 
     def _translate_points(self, points: Any) -> Any:
         try:
-            return None if points is None else np.asarray(points, dtype=np.float64) - self.at
+            return None if points is None else reals("points", points) - self.at
         except Exception:  # a foreign object may raise anything; guidance refuses it
             return points
 

@@ -90,11 +90,11 @@ class PlanarRows(RowMaker):
         kinks = Kinks(u_nominal, self._warned_of_kinks)
         for i, k, barrier in entries:
             row = rows[i, k]
-            if barrier.reads_position:  # the row is that of a point before the axle
-                row[MARGIN] += look_ahead
-            reserved = Reserved(*row[MARGIN:USABLE].tolist())
             x, t = plants["x"][i], float(plants["time"][i])
             try:
+                if barrier.reads_position:  # the row is that of a point before the axle
+                    row[MARGIN] += look_ahead
+                reserved = Reserved(*row[MARGIN:USABLE].tolist())
                 with np.errstate(all="ignore"):
                     write_own_row(barrier, x, t, settings, reserved, row, kinks.of_plant(i))
             except Exception as error:  # a user's own barrier may raise anything

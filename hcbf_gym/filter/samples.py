@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hcbf_gym import arrays
 from hcbf_gym._core import FIRST_ALARM, Reason
 from hcbf_gym.arrays import Array, Mask, Records
-from hcbf_gym.errors import holds_numbers
+from hcbf_gym.errors import reals
 from hcbf_gym.filter.origin import Origin
 from hcbf_gym.filter.plants import plant_dtype
 from hcbf_gym.models import clocks
@@ -286,12 +286,8 @@ def real_array(value: object, shape: tuple[int, ...]) -> Array | None:
     if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape:
         return value.copy()
     try:
-        if np.ma.is_masked(value):
-            return None
-        array = np.asarray(value)
-    except Exception:  # a foreign object may raise anything
+        with np.errstate(all="ignore"):
+            array = reals("value", value)
+    except Exception:  # no real numbers, or a foreign object that raises anything
         return None
-    if not holds_numbers(array.dtype) or array.shape != shape:
-        return None
-    with np.errstate(all="ignore"):
-        return array.astype(np.float64)
+    return array if array.shape == shape else None

@@ -18,6 +18,7 @@ from hcbf_gym.errors import (
     CoverageWarning,
     InvalidInputError,
     SafetyWarning,
+    in_words,
     warn_caller,
 )
 from hcbf_gym.filter import gatekeeper
@@ -106,13 +107,12 @@ class Scenes:
             given = self._given
             if barriers is not given or samples.origin.is_far:  # not an environment's own set
                 given = self._read(barriers)
-        except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
-            self.is_refused, self.refusal, self.error = True, None, error
-            self._version, self._edits = np.full(self._config.count, -1), -1  # those of no set
-        else:
             is_same = given is self._given and given.edits == self._edits
             if not is_same or self.placing.is_due:
                 self._replace(given, since)
+        except Exception as error:  # whatever a user's own barriers raise, the robot has to stop
+            self.is_refused, self.refusal, self.error = True, None, error
+            self._version, self._edits = np.full(self._config.count, -1), -1  # those of no set
         if self.scan_ages.has_scans and (wrong_age := self.scan_ages.update()):
             samples.wrong_age = wrong_age
             samples.reject(Reason.AGE)
@@ -163,7 +163,7 @@ class Scenes:
             try:
                 barriers = origin.barriers(barriers)
             except InvalidInputError as error:
-                self._warn_once("far", f"far from the origin: {error}", SafetyWarning)
+                self._warn_once("far", f"far from the origin: {in_words(error)}", SafetyWarning)
                 raise
         given = self.read(barriers)
         if given is not self._given and not self._config.is_planar:

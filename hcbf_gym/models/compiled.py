@@ -6,6 +6,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
+from hcbf_gym.errors import reals
 from hcbf_gym.models.reduced_order import BuiltIn, ReducedOrderModel
 
 Shapes = tuple[tuple[int, ...], ...]
@@ -65,7 +66,7 @@ def _evaluated(
 def _checked(results: tuple[Array, ...], shapes: Shapes, count: int) -> Iterator[Array]:
     """Yield results (count, *shape) as float64 arrays; refuse others by a ValueError."""
     for result, shape in zip(results, shapes, strict=True):
-        numbers = np.ascontiguousarray(result, dtype=np.float64)
+        numbers = np.ascontiguousarray(reals("result", result))
         if numbers.shape != (count, *shape):
             raise ValueError(f"got shape {numbers.shape}")
         yield numbers

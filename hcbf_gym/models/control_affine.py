@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, count, finite_array, shown
+from hcbf_gym.errors import InvalidInputError, count, finite_array, in_words, reals, shown
 from hcbf_gym.models.autodiff import compile64, import_jax, is_jax
 from hcbf_gym.models.reduced_order import ReducedOrderModel, namespace
 
@@ -71,13 +71,13 @@ class ControlAffine(ReducedOrderModel):
     def f(self, x: Any) -> Any:
         """Return (n,) the drift."""
         if isinstance(x, np.ndarray):
-            return np.asarray(self._compiled_f(x), dtype=np.float64)
+            return reals("f", self._compiled_f(x))
         return self._traced("f", self._f, x)
 
     def g(self, x: Any) -> Any:
         """Return (n, n_u) the input matrix."""
         if isinstance(x, np.ndarray):
-            return np.asarray(self._compiled_g(x), dtype=np.float64)
+            return reals("g", self._compiled_g(x))
         return self._traced("g", self._g, x)
 
     def terms_of(self, x: Array) -> tuple[Array, Array]:
@@ -85,7 +85,7 @@ class ControlAffine(ReducedOrderModel):
         if self._batched_terms is None or len(x) == 1:
             return super().terms_of(x)
         f, g = self._batched_terms(x)
-        return np.array(f, dtype=np.float64), np.array(g, dtype=np.float64)
+        return reals("f", f), reals("g", g)
 
     def f_jacobian(self, x: Array) -> Array:
         """Return (n, n) ∂f/∂x."""
@@ -95,12 +95,15 @@ class ControlAffine(ReducedOrderModel):
         """Return the function's value while JAX differentiates through it."""
         errors = import_jax("Function").errors
         try:
-            return namespace(x).asarray(function(x))
+            value = namespace(x).asarray(function(x))
         except (errors.TracerArrayConversionError, errors.ConcretizationTypeError) as error:
             raise InvalidInputError(
                 f"{name}: got NumPy or a branch on the state, expected jax.numpy (and jnp.where), "
                 "as barriers.Function differentiates through the model"
             ) from error
+        if namespace(x).iscomplexobj(value):  # JAX would differentiate its real part
+            raise InvalidInputError(f"{name}: got {value.dtype}, expected real numbers")
+        return value
 
 
 def _value_at(name: str, function: Callable[[Any], Any], x: Array) -> Any:
@@ -111,6 +114,5 @@ def _value_at(name: str, function: Callable[[Any], Any], x: Array) -> Any:
         return function(x.copy())
     except Exception as error:  # a user's function may raise anything
         raise InvalidInputError(
-            f"{name}: got {type(error).__name__}: {error} at x = {shown(x.tolist())}, expected "
-            "numbers"
+            f"{name}: got {in_words(error)} at x = {shown(x.tolist())}, expected numbers"
         ) from error

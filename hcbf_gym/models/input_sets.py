@@ -10,7 +10,15 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym import records
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, reals, shown
+from hcbf_gym.errors import (
+    InvalidInputError,
+    check_not_overridden,
+    count,
+    finite_array,
+    finite_float,
+    reals,
+    shown,
+)
 
 
 def _entries(name: str, value: object, n: int) -> Array:
@@ -198,9 +206,11 @@ def read(name: str, value: Any) -> InputSet:
         value: an input set, or a space with `low`, `high` and `dtype` as `gymnasium.spaces.Box`.
 
     Raises:
-        InvalidInputError: if it is neither, or a space of other numbers than floats.
+        InvalidInputError: if it is neither, a space of other numbers than floats, or of a subclass
+            with methods of its own.
     """
     if isinstance(value, Box | Ball):
+        check_not_overridden(name, value, Box, Ball)
         return value
     low, high, dtype = (getattr(value, name, None) for name in ("low", "high", "dtype"))
     if low is None or high is None or not isinstance(dtype, np.dtype) or dtype.char not in "fd":

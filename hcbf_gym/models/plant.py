@@ -144,8 +144,9 @@ class Plant:
             a moving shape begins when its object is first returned since the reset.
         state: a reader that returns x (n,), or an `Estimate`.
         input_set: U; None means the environment's action space, which must then be a bounded Box.
-        to_action: u (n_u,) → the environment's action; None where they are the same.
-        from_action: the environment's action → u (n_u,); None where they are the same.
+        to_action: u (n_u,) → the environment's action; None where they are the same. If it raises,
+            a step raises an InvalidInputError before it steps the environment.
+        from_action: the environment's action → u (n_u,), as `to_action`.
         period: the time for which an action is held [s]; None where it is not known, which excludes
             rows for a held input.
         goal: (2,) the point to which guidance leads [m], or a reader of it; None where none is

@@ -13,7 +13,7 @@ import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float
+from hcbf_gym.errors import InvalidInputError, count, finite_array, finite_float, reals
 
 
 class ReducedOrderModel(ABC):
@@ -49,10 +49,10 @@ class ReducedOrderModel(ABC):
         """Return f (n,) and g (n, n_u) at x (n,), as compiled code reads them.
 
         Raises:
-            InvalidInputError: if f or g has another shape.
+            InvalidInputError: if f or g has another shape, or is not made of real numbers.
         """
-        f = np.ascontiguousarray(self.f(x), dtype=np.float64)
-        g = np.ascontiguousarray(self.g(x), dtype=np.float64)
+        f = np.ascontiguousarray(reals("f", self.f(x)))
+        g = np.ascontiguousarray(reals("g", self.g(x)))
         if f.shape != (self.n,) or g.shape != (self.n, self.n_u):
             raise InvalidInputError(
                 f"{self}: got f of shape {f.shape} and g of shape {g.shape}, expected "
@@ -98,20 +98,21 @@ class ReducedOrderModel(ABC):
         """Return ∂f/∂x (N, n, n) at N states x (N, n).
 
         Raises:
-            InvalidInputError: if they are not finite, or have another shape.
+            InvalidInputError: if they are no finite real numbers, or have another shape.
         """
-        jacobians = np.array([self.f_jacobian(state) for state in x])
+        jacobians = np.array([reals("∂f/∂x", self.f_jacobian(state)) for state in x])
         return finite_array("∂f/∂x", jacobians, (len(x), self.n, self.n))
 
     def steps_of(self, x: Array, u: Array, dt: float) -> Array:
         """Advance N states x (N, n) by dt [s] under constant inputs u (N, n_u)."""
-        return np.array([self.step(state, held, dt) for state, held in zip(x, u, strict=True)])
+        pairs = zip(x, u, strict=True)
+        return np.array([reals("step", self.step(state, held, dt)) for state, held in pairs])
 
     def brakes_of(self, x: Array, dt: float) -> Array:
         """Return (N, n_u) the inputs that bring N states x (N, n) to rest; see `brake`."""
         if type(self).brake is ReducedOrderModel.brake:
             return np.zeros((len(x), self.n_u))
-        return np.array([self.brake(state, dt) for state in x])
+        return np.array([reals("brake", self.brake(state, dt)) for state in x])
 
 
 class BuiltIn(ReducedOrderModel):

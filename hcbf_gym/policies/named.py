@@ -20,6 +20,7 @@ from hcbf_gym.errors import (
     UnknownNameError,
     as_array,
     count,
+    in_words,
     instance,
     require,
     shown,
@@ -91,7 +92,7 @@ def make(name: str, env: gym.Env) -> Policy:
             policy: Any = function()
         except TypeError as error:
             raise InvalidInputError(
-                f"policy: got {name!r} ({error}), expected a class without arguments"
+                f"policy: got {name!r} ({in_words(error)}), expected a class without arguments"
             ) from error
         return policy
     reader = _READERS.get(Path(name).suffix)
@@ -177,8 +178,8 @@ def _shape(space: gym.Space) -> Any:
 
 
 def _first_line(error: Exception) -> str:
-    """Return the type and the first line of an error as text."""
-    return f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
+    """Return the first line of an error's message."""
+    return in_words(error).strip().partition("\n")[0]
 
 
 def _check_box(path: Path, space: gym.Space) -> tuple[int, ...]:

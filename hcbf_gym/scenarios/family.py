@@ -11,7 +11,7 @@ import numpy as np
 
 from hcbf_gym import certificates, sources
 from hcbf_gym.arrays import Array
-from hcbf_gym.errors import InvalidInputError
+from hcbf_gym.errors import InvalidInputError, in_words
 from hcbf_gym.scenarios.floor import Floor
 from hcbf_gym.scenarios.hooks import NO_HOOKS, Hooks
 from hcbf_gym.scenarios.references import PointReference
@@ -73,7 +73,8 @@ class Family:
             raise
         except Exception as error:  # of the user's function
             raise InvalidInputError(
-                f"family {self.name!r}: draw_many: got {error!r}, expected it to fill N scenes"
+                f"family {self.name!r}: draw_many: got {in_words(error)}, expected it to "
+                "fill N scenes"
             ) from error
         for i, seed in enumerate(_COMPARED_SEEDS):
             single = Scene.unfilled(self.shapes)

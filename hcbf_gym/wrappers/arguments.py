@@ -9,7 +9,7 @@ from gymnasium.vector import VectorEnv
 
 from hcbf_gym import programs, records
 from hcbf_gym.barriers import class_k
-from hcbf_gym.errors import InvalidInputError, instance
+from hcbf_gym.errors import InvalidInputError, in_words, instance
 from hcbf_gym.filter.settings import FilterSettings
 
 
@@ -30,8 +30,8 @@ def record(wrapper: RecordConstructorArgs, env: object, kind: type, **arguments:
         RecordConstructorArgs.__init__(wrapper, **arguments)
     except Exception as error:  # a user's object that is copied raises anything
         raise InvalidInputError(
-            f"{type(wrapper).__name__}: got an argument that cannot be copied ({error}), expected "
-            f"plain values, of {sorted(arguments)}"
+            f"{type(wrapper).__name__}: got an argument that cannot be copied ({in_words(error)}), "
+            f"expected plain values, of {sorted(arguments)}"
         ) from error
 
 

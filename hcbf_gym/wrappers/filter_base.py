@@ -12,7 +12,16 @@ from hcbf_gym.arrays import Array, Info, Mask
 from hcbf_gym.barriers.set import Condition
 from hcbf_gym.certificates import Certificate
 from hcbf_gym.envs.plants import READERS
-from hcbf_gym.errors import InvalidInputError, SafetyWarning, count, floats, instance, warn_caller
+from hcbf_gym.errors import (
+    InvalidInputError,
+    SafetyWarning,
+    count,
+    floats,
+    in_words,
+    instance,
+    shown,
+    warn_caller,
+)
 from hcbf_gym.filter import certified
 from hcbf_gym.filter.core import FilterCore
 from hcbf_gym.filter.origin import World
@@ -128,7 +137,11 @@ class FilterBase:
         self._observation = copied(observation) if self._copies_observation else observation
         self._info = copied(info) if self._copies_info else info
 
-    def _begin(self, mask: Mask, joins: bool = False) -> Info:
+    def _begin_within_step(self, mask: Mask) -> Info:
+        """Begin the masked episodes (N,) that a step has reset; invalid barriers brake them."""
+        return self._begin(mask, refuses=False)
+
+    def _begin(self, mask: Mask, joins: bool = False, refuses: bool = True) -> Info:
         """Begin the masked episodes (N,), and return the report of their first states."""
         core = self._core
         barriers, state, *world = self._read(*self._step_fields)
@@ -139,7 +152,9 @@ class FilterBase:
             core.restart(mask)
         core.cover(self._limits or self._covered())
         goal, extent = world or (None, None)
-        report = core.begin(barriers, estimate, goal, extent, is_first=self._is_first)
+        report = core.begin(
+            barriers, estimate, goal, extent, is_first=self._is_first, refuses=refuses
+        )
         self._is_first = False
         return report
 
@@ -147,14 +162,16 @@ class FilterBase:
         """Filter u* and step the environment with the result.
 
         Raises:
-            InvalidInputError: if not all episodes have begun, or u* is not made of finite numbers.
+            InvalidInputError: if not all episodes have begun, u* is not made of finite numbers, or
+                the plant's `from_action` or `to_action` raises an error. The environment is then
+                not stepped.
         """
         if not self._begun:
             raise InvalidInputError(
                 "safety filter: got a step before a reset that succeeded, expected reset() first"
             )
         plant, core = self.plant, self._core
-        u = action if plant.from_action is None else plant.from_action(action)
+        u = action if plant.from_action is None else self._converted("from_action", action)
         if not (type(u) is np.ndarray and u.dtype in _FLOATS and u.shape == self._shape):
             u = floats("action", u, self._shape)
         u_nominal: Array = u.astype(np.float64)
@@ -163,11 +180,28 @@ class FilterBase:
         if self._covers_anew:
             core.coverage.update(self._covered())
         u, report = core.step(u_nominal, barriers, estimate, world=World(*world) if world else None)
-        applied = u.astype(self._dtype) if plant.to_action is None else plant.to_action(u.copy())
+        if plant.to_action is None:
+            applied = u.astype(self._dtype)
+        else:
+            applied = self._converted("to_action", u.copy())
         observation, reward, terminated, truncated, info = self.env.step(applied)
         self._see(observation, info)
         self._report(info, report, terminated, truncated)
         return observation, reward, terminated, truncated, info
+
+    def _converted(self, name: str, value: Any) -> Any:
+        """Return what the plant's `from_action` or `to_action` makes of an action or of u.
+
+        No input is left to brake with if it raises an error, so that this is an error to the caller
+        before the environment is stepped.
+        """
+        try:
+            return getattr(self.plant, name)(value)
+        except Exception as error:  # a user's own function may raise anything
+            raise InvalidInputError(
+                f"plant: {name} raised {in_words(error)} for {shown(value)}, expected a function "
+                "that converts every action and every u of U; the environment was not stepped"
+            ) from error
 
     def _report(self, info: Info, report: Info, terminated: Any, truncated: Any) -> None:
         """Write the report of a step into the environment's infos."""
@@ -176,7 +210,14 @@ class FilterBase:
     def _covered(self) -> Any:
         """Return the plant's coverage, or OUTSIDE where its reader raised an error."""
         (covered,) = self._read("covered")
-        return Coverage.OUTSIDE if covered is None else covered
+        if covered is None:
+            return Coverage.OUTSIDE
+        try:
+            self._core.coverage.check(covered)
+        except InvalidInputError as error:  # of a reader that returns no verdict
+            self._warn_of_reader("covered", error)
+            return Coverage.OUTSIDE
+        return covered
 
     def _read(self, *names: str) -> list[Any]:
         """Return the present values of fields of the plant.
@@ -203,5 +244,5 @@ class FilterBase:
         if name not in self._warned_readers:
             self._warned_readers.add(name)
             effect = "covered is 0" if name == "covered" else "the filter brakes until that ends"
-            message = f"safety filter: the reader of the {name} raised {error!r}; {effect}"
+            message = f"safety filter: the reader of the {name} raised {in_words(error)}; {effect}"
             warn_caller(message, SafetyWarning)

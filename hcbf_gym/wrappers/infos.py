@@ -13,8 +13,15 @@ from hcbf_gym.arrays import Info, Mask
 def copied(value: Any) -> Any:
     """Return a copy of an array, a tensor, or a container with copies of all arrays in it.
 
-    Other values are returned as they are.
+    Other values are returned as they are, and so is what its own code cannot copy.
     """
+    try:
+        return _copied(value)
+    except Exception:  # a user's own object may raise anything when it is copied
+        return value
+
+
+def _copied(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.copy()
     if type(value) is dict:

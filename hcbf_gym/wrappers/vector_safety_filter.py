@@ -113,4 +113,4 @@ class VectorSafetyFilter(FilterBase, VectorWrapper, RecordConstructorArgs):
 
     def _report(self, info: Info, report: Info, terminated: object, truncated: object) -> None:
         ended = as_array("terminated", terminated) | as_array("truncated", truncated)
-        self._reporter.at_step(info, report, self._begin, ended)
+        self._reporter.at_step(info, report, self._begin_within_step, ended)

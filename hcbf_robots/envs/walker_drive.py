@@ -10,6 +10,7 @@ from hcbf_gym.barriers.set import BarrierSet
 from hcbf_gym.envs import task
 from hcbf_gym.envs.body import Footprint
 from hcbf_gym.envs.drive import Drive, Motion
+from hcbf_gym.errors import reals
 from hcbf_gym.models.plant import Estimate
 from hcbf_robots.envs.walker_physics import WalkerPhysics
 from hcbf_robots.walkers.motion_monitor import MotionMonitor
@@ -144,7 +145,7 @@ class WalkerDrive(Drive[WalkerPhysics]):
         observation = self._observer.observe()
         assert self._controller is not None
         try:
-            action = np.asarray(self._controller(observation), dtype=np.float64)
+            action = reals("action", self._controller(observation))
         except Exception:  # a user's own controller may raise anything
             action = np.array([np.nan])
         if action.shape == self._action.shape and math.isfinite(np.add.reduce(action)):

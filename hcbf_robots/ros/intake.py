@@ -11,7 +11,7 @@ from geometry_msgs.msg import PointStamped, PolygonStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import LaserScan
 
-from hcbf_gym.errors import HcbfError, InvalidInputError
+from hcbf_gym.errors import InvalidInputError, in_words
 from hcbf_robots.ros import messages, optional, sources
 from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.running import LATCHED, MASK, RELIABLE, SENSOR
@@ -159,7 +159,7 @@ class Intake:
 
     def _refuse_source(self, name: str, error: Exception) -> None:
         """Refuse a source until a valid message comes."""
-        message = str(error) if isinstance(error, HcbfError | ValueError) else repr(error)
+        message = in_words(error)
         with self._lock:
             self._core.refuse_source(name, message)
         self._logger.warning(f"{name}: {message}", throttle_duration_sec=WARNING_INTERVAL)
@@ -197,7 +197,7 @@ class Intake:
         """Continue without guidance, because no path leads to the goal that was planned."""
         if self._goal is self._planned_goal:  # otherwise another goal has come already
             self._goal = None
-        message = str(error) if isinstance(error, InvalidInputError) else repr(error)
+        message = in_words(error)
         self._logger.warning(f"guidance ends: {message}")
         planned = self._core.planned(None)
         with self._lock:

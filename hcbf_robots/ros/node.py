@@ -27,7 +27,7 @@ from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from std_srvs.srv import SetBool
 
-from hcbf_gym.errors import HcbfError, InvalidInputError, SafetyWarning
+from hcbf_gym.errors import InvalidInputError, SafetyWarning, in_words
 from hcbf_robots.ros import messages, optional, running
 from hcbf_robots.ros.core import NodeCore
 from hcbf_robots.ros.decisions import Decision
@@ -131,7 +131,7 @@ class FilterNode(LifecycleNode):
                 self._core = NodeCore(settings)
             self._connect(self._core, settings)
         except Exception as error:  # ROS refuses a topic's name, for example, by various classes
-            message = str(error) if isinstance(error, HcbfError) else repr(error)
+            message = in_words(error)
             self.get_logger().error(f"configure: {message}")
             self._clean()
             return REFUSED

@@ -21,6 +21,8 @@ from hcbf_gym.errors import (
     RobotModelError,
     UnknownNameError,
     finite_float,
+    in_words,
+    reals,
     shown,
 )
 from hcbf_gym.robots.body_points import radius, stand
@@ -172,13 +174,11 @@ class Walker:
         controller = self.controller((observer.size, count), model)
         observation = observer.observe()
         try:
-            action = np.asarray(controller(observation), dtype=np.float64)
+            action = reals("policy: action", controller(observation))
         except HcbfError:
             raise
         except Exception as error:  # a user's own function
-            raise InvalidInputError(
-                f"policy: {self.policy} raised {type(error).__name__}: {error}"
-            ) from error
+            raise InvalidInputError(f"policy: {self.policy} raised {in_words(error)}") from error
         if action.shape != (count,) or not np.isfinite(action).all():
             raise InvalidInputError(
                 f"policy: got {action.tolist()} at the start, expected {count} finite numbers, one "

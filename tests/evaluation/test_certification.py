@@ -382,7 +382,7 @@ def test_a_certificate_of_a_plant_whose_data_changed_while_it_ran_is_refused(
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("threading.Lock()", "what cannot be hashed: .*environment.part: cannot pickle"),
+        ("threading.Lock()", "what cannot be hashed: .*environment.part: TypeError: cannot pickle"),
         ("np.random.default_rng().random()", r"another \['environment.part'\]"),
     ],
 )

@@ -97,6 +97,11 @@ def seven(model, period):
     return lambda observation: np.zeros(7)
 
 
+def turned(model, period):
+    """Return a controller whose numbers have an imaginary part."""
+    return lambda observation: np.full(2, 1j)
+
+
 def rude(model, period):
     return lambda observation: 1 / 0
 
@@ -180,6 +185,11 @@ WRONG = {
     "a function of another kind": (changed(policy="math:pi"), InvalidInputError, "function"),
     "text for a policy": (changed(policy="walk well"), InvalidInputError, "module:function"),
     "a controller of another size": (changed(policy=f"{__name__}:seven"), InvalidInputError, "2"),
+    "a controller of complex numbers": (
+        changed(policy=f"{__name__}:turned"),
+        InvalidInputError,
+        "complex",
+    ),
     "a controller that raises": (changed(policy=f"{__name__}:rude"), InvalidInputError, "rude"),
     "no such sensor": (
         changed(observation=[{"term": "sensor", "name": "nose"}]), HcbfError, "gyro"
