@@ -11,7 +11,7 @@ from hcbf_gym.barriers import Barrier, layout
 from hcbf_gym.barriers.many import Several, Shapes
 from hcbf_gym.barriers.mapped import Mapped, MappedRegion
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, finite_array, finite_float, reals
+from hcbf_gym.errors import InvalidInputError, finite_float
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance import scene_ground, validation
 from hcbf_gym.guidance.field import Ground, Pull
@@ -141,11 +141,7 @@ class Geodesic:
         map_grounds = self._map_grounds_of(known, scenes, clearance)
         corners = scene_ground.corners_of(known, scenes, starts, goals, now, extent)
         geometry = self._geometry_of(known, corners, map_grounds)
-        reserved = reals("clearance", clearance)
-        if reserved.ndim == 0:
-            finite_float("clearance", reserved.item(), minimum=0.0)
-        else:
-            finite_array("clearance", reserved, scenes.kind.shape)
+        validation.check_clearance(clearance, scenes.kind.shape)
         refused = validation.refusals(chosen, scenes, map_grounds, goals, starts, geometry, now)
 
         # nothing has changed up to here: an error leaves all fields as they were

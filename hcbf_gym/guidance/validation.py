@@ -9,7 +9,7 @@ from hcbf_gym import _core
 from hcbf_gym.arrays import Array, Field, Mask, Ranks
 from hcbf_gym.barriers import layout
 from hcbf_gym.barriers.set import BarrierSet
-from hcbf_gym.errors import InvalidInputError, as_array, finite_array
+from hcbf_gym.errors import InvalidInputError, as_array, finite_array, finite_float
 from hcbf_gym.guidance import field as fields
 from hcbf_gym.guidance.map_ground import MapGround
 
@@ -34,6 +34,15 @@ def points(name: str, value: ArrayLike | None, count: int) -> Array:
     is_finite = np.isfinite(given)
     numbers = finite_array(name, np.where(is_finite, given, 0.0), shape)
     return np.broadcast_to(np.where(is_finite, numbers, np.nan), (count, 2)).copy()
+
+
+def check_clearance(clearance: ArrayLike, shape: tuple[int, int]) -> None:
+    """Refuse a clearance that is negative [m], or neither a number nor one of each edge (N, m)."""
+    given = as_array("clearance", clearance)
+    if given.ndim == 0:
+        finite_float("clearance", given.item(), minimum=0.0)
+    elif (finite_array("clearance", given, shape) < 0.0).any():
+        raise InvalidInputError(f"clearance: got {given.min():g}, expected >= 0 for every edge")
 
 
 def refusals(

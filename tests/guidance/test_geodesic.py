@@ -248,6 +248,7 @@ def test_a_shaped_input_meets_the_row_and_one_that_meets_it_stays():
         ({"extent": ((-1e308, 0.0), (1e308, 1.0))}, "extent"),
         ({"clearance": -0.1}, "clearance"),
         ({"clearance": [[0.1, 0.1]]}, "clearance: got shape"),
+        ({"clearance": [[-0.1]]}, "clearance: got -0.1, expected >= 0"),
     ],
 )
 def test_a_scene_without_a_way_is_refused_and_the_old_one_kept(wrong, match):
