@@ -4,7 +4,7 @@
 >>> family.episode(7) == family.episode(7)
 True
 >>> print(family.words[0])
-The environment is HCBF-A1Regions-v0, with a plant, a cap and a scene of its own in each episode.
+The environment is HCBF-A1Regions-v0, with another plant, cap and scene in each episode.
 """
 
 from collections.abc import Mapping, Sequence
@@ -178,8 +178,8 @@ class A1Mixture:
         covered = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in RANGES.items())
         place = ", ".join(f"{a:g} to {b:g}" for a, b in PAYLOAD_BOX)
         return (
-            "The environment is HCBF-A1Regions-v0, with a plant, a cap and a scene of its own in "
-            "each episode.",
+            "The environment is HCBF-A1Regions-v0, with another plant, cap and scene in each "
+            "episode.",
             f"Conditions: {covered}; the payload's place {place} m.",
             f"Plants: {self.extremes:.0%} have every condition at the end of its range that is "
             f"farther from the nominal plant, and rough ground; {self.ranges:.0%} declare every "
