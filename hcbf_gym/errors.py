@@ -145,25 +145,25 @@ def check_not_overridden(name: str, value: object, *kinds: type) -> None:
         value: an instance of one of `kinds`.
         *kinds: dataclasses that compiled code reads by their numbers.
     """
-    for cls in type(value).__mro__:
-        if cls in kinds:
-            return
-        changed = [
-            key
-            for key in vars(cls)
-            if key == "__call__" or not (key.startswith("__") or key in _field_names(kinds))
-            if any(hasattr(kind, key) for kind in kinds)
-        ]
-        if changed:
-            raise InvalidInputError(
-                f"{name}: got a {cls.__name__} with its own {', '.join(changed)}, expected "
-                f"{' or '.join(kind.__name__ for kind in kinds)} itself: compiled code reads its "
-                "numbers, and calls no method"
-            )
+    if changed := overridden(type(value), *kinds):
+        raise InvalidInputError(
+            f"{name}: got a {type(value).__name__} with its own {', '.join(changed)}, expected "
+            f"{' or '.join(kind.__name__ for kind in kinds)} itself: compiled code reads its "
+            "numbers, and calls no method"
+        )
 
 
-def _field_names(kinds: Iterable[Any]) -> set[str]:
-    return {field.name for kind in kinds for field in fields(kind)}
+def overridden(cls: type, *kinds: Any) -> list[str]:
+    """Return the methods of dataclasses `kinds` that a class derived from one has anew."""
+    derived = cls.__mro__[: min(cls.__mro__.index(kind) for kind in kinds if kind in cls.__mro__)]
+    declared = {field.name for kind in kinds for field in fields(kind)}
+    return [
+        key
+        for base in derived
+        for key in vars(base)
+        if key == "__call__" or not (key.startswith(("__", "_abc_")) or key in declared)
+        if any(hasattr(kind, key) for kind in kinds)
+    ]
 
 
 def flag(name: str, value: object) -> bool:

@@ -152,6 +152,12 @@ def check_name(name: object, priority: object) -> None:
         )
 
 
+def is_newer(cls: type, name: str, than: str) -> bool:
+    """Return whether a class has both attributes, and the first from a class derived later."""
+    having = [{name, than} & vars(base).keys() for base in cls.__mro__]
+    return hasattr(cls, than) and next(filter(None, having), None) == {name}
+
+
 @dataclass(frozen=True)
 class Barrier(ABC):
     """A named, ranked safety condition ``h(x, t) ≥ 0``.
@@ -167,6 +173,14 @@ class Barrier(ABC):
     name: str
     priority: int
     reads_position: ClassVar[bool] = True
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        """Take from a class with another h the `batch` and the `core` that it has inherited."""
+        super().__init_subclass__(**arguments)
+        for name in ("batch", "core"):
+            if any(is_newer(cls, source, than=name) for source in ("jet", "planar_jet")):
+                default = Barrier if name == "batch" else PlanarBarrier
+                setattr(cls, name, getattr(default, name))
 
     def __post_init__(self) -> None:
         check_name(self.name, self.priority)
@@ -206,7 +220,8 @@ class Barrier(ABC):
 class PlanarBarrier(Barrier):
     """A condition on the position alone, in a frame that may move at constant velocity.
 
-    ``h(x, t) = H(q)`` with ``q = p − w t``, so that ∂h/∂t = −∇H·w.
+    ``h(x, t) = H(q)`` with ``q = p − w t``, so that ∂h/∂t = −∇H·w. Rows read `planar_jet`, or the
+    `jet` of a class that overrides it.
     """
 
     @property
@@ -218,8 +233,10 @@ class PlanarBarrier(Barrier):
     def planar_jet(self, q: Array) -> tuple[float, Array, Array]:
         """Return H, ∇H (2,) and ∇²H (2, 2) at the position q (2,) in the barrier's frame."""
 
-    def moved(self, step: Array) -> "PlanarBarrier":
+    def moved(self, step: Array) -> Barrier:
         """Return the same condition a step (2,) [m] away."""
+        if not reads_planar_jet(type(self)):
+            return super().moved(step)
         return PlanarElsewhere(self.name, self.priority, self, np.array(step))
 
     def core(self, q: Array, reach: float) -> Core | None:
@@ -250,6 +267,11 @@ class PlanarBarrier(Barrier):
             gradient_rate=gradient_rate,
             rate_rate=float(w @ planar_hessian @ w),
         )
+
+
+def reads_planar_jet(cls: type[Barrier]) -> bool:
+    """Return whether rows read the `planar_jet` of a class, as it has no `jet` of its own."""
+    return issubclass(cls, PlanarBarrier) and cls.jet is PlanarBarrier.jet
 
 
 def velocity_of(barrier: PlanarBarrier) -> Array:

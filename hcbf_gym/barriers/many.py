@@ -9,6 +9,7 @@ import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from copy import copy
+from functools import lru_cache
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -16,13 +17,24 @@ from numpy.typing import ArrayLike
 
 from hcbf_gym.arrays import Array
 from hcbf_gym.barriers import layout
-from hcbf_gym.barriers.barrier import Barrier, check_name
+from hcbf_gym.barriers.barrier import Barrier, check_name, is_newer, reads_planar_jet
+from hcbf_gym.barriers.function import Function
+from hcbf_gym.barriers.mapped import Mapped, MappedRegion, MappedZone, OnGrid, SeenRegion
 from hcbf_gym.barriers.shapes import SHAPES
 from hcbf_gym.barriers.speed_limit import SpeedLimit
-from hcbf_gym.errors import InvalidInputError, as_array, choose, finite_array, reals, shown
+from hcbf_gym.errors import (
+    InvalidInputError,
+    as_array,
+    choose,
+    finite_array,
+    overridden,
+    reals,
+    shown,
+)
 from hcbf_gym.models.constants import FARTHEST
 
 _BUILT_IN = {*SHAPES, SpeedLimit}  # exact types: a user's class may derive from one and change it
+_MAPPED = Mapped, OnGrid, MappedRegion, MappedZone, SeenRegion
 
 
 class Several(ABC):
@@ -165,7 +177,8 @@ def flattened(scene: Iterable[Any]) -> tuple[Flat, Read]:
     """Return the barriers of a scene one by one, and each `Several` with its barriers.
 
     Raises:
-        InvalidInputError: if it is no sequence of elements.
+        InvalidInputError: if it is no sequence of elements, or rows would not read what a class of
+            a user's overrides.
     """
     if not is_list(scene):
         raise InvalidInputError(f"barriers: got {shown(scene)}, expected a sequence of Barriers")
@@ -187,7 +200,23 @@ def flattened(scene: Iterable[Any]) -> tuple[Flat, Read]:
                 f"barriers: got {shown(barrier)}, expected an object of a class derived from "
                 "hcbf_gym.barriers.Barrier, Shapes, or a map"
             )
+        if isinstance(barrier, Barrier) and (misread := _misread(type(barrier))):
+            raise InvalidInputError(f"{barrier.name}: got a {type(barrier).__name__} {misread}")
     return tuple(barriers), read
+
+
+@lru_cache(maxsize=1024)
+def _misread(cls: type[Barrier]) -> str:
+    """Return in words what rows would not read of a class of barriers; empty if they read all."""
+    for kinds, source in ((Function,), "function"), (_MAPPED, "pieces"):
+        changed = overridden(cls, *kinds) if issubclass(cls, kinds) else []
+        of_its_own = [name for name in changed if vars(Barrier).get(name) is not getattr(cls, name)]
+        if unread := [name for name in of_its_own if name != "reads_position"]:
+            return f"with its own {', '.join(unread)}, which rows do not read; change its {source}"
+    read = "planar_jet" if reads_planar_jet(cls) else "jet"
+    if is_newer(cls, "h", than=read):
+        return f"with its own h, which rows do not read; override its {read}"
+    return ""
 
 
 def each(scene: Iterable[Any]) -> Flat:

@@ -5,13 +5,19 @@ built-in shapes itself, and takes each row of a user's own barrier from `write_o
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from hcbf_gym import _core
 from hcbf_gym.arrays import Array
-from hcbf_gym.barriers.barrier import Barrier, PlanarBarrier, planar_jet_of, velocity_of
+from hcbf_gym.barriers.barrier import (
+    Barrier,
+    PlanarBarrier,
+    planar_jet_of,
+    reads_planar_jet,
+    velocity_of,
+)
 from hcbf_gym.barriers.general import GeneralRows
 from hcbf_gym.barriers.kinks import Kinks
 from hcbf_gym.barriers.rows import ALPHA2_PSI, DIP, PSI, WIDTH, B, CbfRows, H, RowSettings
@@ -90,9 +96,10 @@ def write_own_row(
         kinks: evaluates derivatives at a kink; None for one that warns anew.
     """
     out[DIP], packed, held = 0.0, settings.packed, settings.held
-    is_planar = isinstance(barrier, PlanarBarrier)
-    if held and is_planar and _write_held_row(barrier, x, t, packed, reserved, out):
-        return
+    if held and reads_planar_jet(type(barrier)):
+        planar = cast("PlanarBarrier", barrier)
+        if _write_held_row(planar, x, t, packed, reserved, out):
+            return
     dip = _core.row_half_step(packed) if held and barrier.reads_position else 0.0
     row = instant_rows(settings)([barrier], x, t, [reserved.margin + dip], reserved.rate, kinks)
     assert row.alpha2_psi is not None

@@ -77,6 +77,7 @@ class Shape(PlanarBarrier):
     places: ClassVar[tuple[str, ...]] = ("center",)
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         if vars(cls).get("kind") in _core.SHAPES:  # a user's own class has the code of its base
             cls.code = _core.SHAPES[cls.kind]
 

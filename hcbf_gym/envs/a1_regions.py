@@ -44,7 +44,7 @@ class A1RegionsEnv(RobotRegionsEnv[A1Drive]):
     Those of `RegionsEnv`, with h of the measured trunk at every physics step in `min_h`; the strict
     speed limit is the last barrier. Also `fallen` (0 or 1), `qp_failures` (task-space QPs
     without a solution so far), `obstacle_force` (k,) the largest contact force with each box
-    during the step [N], and `slip` [m/s], `lag` and `lift` [m/s²], by which the robot notices a
+    during the step [N], and `slip` [m/s], `lag` [-] and `lift` [m/s²], by which the robot notices a
     plant that was not declared, see `hcbf_gym.locomotion.watch.Watch`.
 
     ## Arguments
