@@ -75,7 +75,7 @@ class Geodesic:
         self._maps: dict[tuple[int, int], Mapped] = {}  # of the latest scenes, see `BarrierSet`
         self._due = np.full(count, np.inf)  # when a field is computed again; inf for never [s]
         self._any_due = False
-        self._clearance: ArrayLike = 0.0
+        self._clearance: Array = np.zeros(())
 
     def reset(
         self,
@@ -138,14 +138,14 @@ class Geodesic:
         goals = validation.points("goal", goal, count)
         starts = validation.points("start", start, count)
         known = chosen & np.isfinite(goals + starts).all(axis=1)
-        map_grounds = self._map_grounds_of(known, scenes, clearance)
+        read_clearance = validation.clearance_of(clearance, scenes.kind.shape)
+        map_grounds = self._map_grounds_of(known, scenes, read_clearance)
         corners = scene_ground.corners_of(known, scenes, starts, goals, now, extent)
         geometry = self._geometry_of(known, corners, map_grounds)
-        validation.check_clearance(clearance, scenes.kind.shape)
         refused = validation.refusals(chosen, scenes, map_grounds, goals, starts, geometry, now)
 
         # nothing has changed up to here: an error leaves all fields as they were
-        self._clearance, self._maps = clearance, dict(scenes.atlas.held)
+        self._clearance, self._maps = read_clearance, dict(scenes.atlas.held)
         self._latest_goal[chosen], self._due[chosen] = goals[chosen], now[chosen] + self.period
         for n in np.flatnonzero(chosen).tolist():
             self.lost.pop(n, None)
@@ -263,7 +263,7 @@ class Geodesic:
         return reachable.astype(np.int64)
 
     def _map_grounds_of(
-        self, mask: Mask, scenes: BarrierSet, clearance: ArrayLike
+        self, mask: Mask, scenes: BarrierSet, clearance: Array
     ) -> list[MapGround | None]:
         """Return the grounds of N scenes' maps, new where masked; scenes of one map share it."""
         grounds = list(self._map_grounds)
@@ -271,8 +271,11 @@ class Geodesic:
             grounds[n] = None
         if not scenes.atlas:
             return grounds
-        given = finite_float("clearance", clearance, minimum=0.0)
-        reserved = max(given, scene_ground.LEAST_CLEARANCE)
+        if clearance.ndim:
+            raise InvalidInputError(
+                "clearance: got one of each edge (N, m) on a map, expected a number [m]"
+            )
+        reserved = max(float(clearance), scene_ground.LEAST_CLEARANCE)
         old = [ground for ground in self._map_grounds if ground is not None]
         painted = {ground.regions: ground for ground in old if ground.clearance == reserved}
         for n, regions in scene_ground.mapped_regions(scenes).items():

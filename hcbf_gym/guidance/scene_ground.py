@@ -30,10 +30,11 @@ class Edges(NamedTuple):
     clearance: Array  # (m,) the distance of paths from each edge [m]
 
 
-def edges_of(scenes: BarrierSet, n: int, clearance: ArrayLike) -> Edges:
-    """Return the edges of scene n; the clearance [m] is a number for strict edges, or (N, m)."""
-    given, strict = np.asarray(clearance), scenes.keeps_margin[n]
-    reserved = np.maximum(given[n] if given.ndim else strict * given, strict * LEAST_CLEARANCE)
+def edges_of(scenes: BarrierSet, n: int, clearance: Array) -> Edges:
+    """Return the edges of scene n; the clearance [m] is () of strict edges, or (N, m)."""
+    strict = scenes.keeps_margin[n]
+    of_edges = clearance[n] if clearance.ndim else strict * clearance
+    reserved = np.maximum(of_edges, strict * LEAST_CLEARANCE)
     return Edges(scenes.kind[n], scenes.parameters[n], scenes.priority[n], reserved)
 
 

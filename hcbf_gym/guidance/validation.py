@@ -36,13 +36,15 @@ def points(name: str, value: ArrayLike | None, count: int) -> Array:
     return np.broadcast_to(np.where(is_finite, numbers, np.nan), (count, 2)).copy()
 
 
-def check_clearance(clearance: ArrayLike, shape: tuple[int, int]) -> None:
-    """Refuse a clearance that is negative [m], or neither a number nor one of each edge (N, m)."""
-    given = as_array("clearance", clearance)
+def clearance_of(value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """Return a clearance () or (N, m) [m]; refuse a negative one, and any other shape."""
+    given = as_array("clearance", value)
     if given.ndim == 0:
-        finite_float("clearance", given.item(), minimum=0.0)
-    elif (finite_array("clearance", given, shape) < 0.0).any():
-        raise InvalidInputError(f"clearance: got {given.min():g}, expected >= 0 for every edge")
+        return np.array(finite_float("clearance", given.item(), minimum=0.0))
+    clearance = finite_array("clearance", value, shape)
+    if (clearance < 0.0).any():
+        raise InvalidInputError(f"clearance: got {clearance.min():g}, expected >= 0 for every edge")
+    return clearance
 
 
 def refusals(

@@ -249,6 +249,8 @@ def test_a_shaped_input_meets_the_row_and_one_that_meets_it_stays():
         ({"clearance": -0.1}, "clearance"),
         ({"clearance": [[0.1, 0.1]]}, "clearance: got shape"),
         ({"clearance": [[-0.1]]}, "clearance: got -0.1, expected >= 0"),
+        ({"clearance": np.array(object())}, "clearance"),
+        ({"clearance": np.array("0.1")}, "clearance"),
     ],
 )
 def test_a_scene_without_a_way_is_refused_and_the_old_one_kept(wrong, match):
