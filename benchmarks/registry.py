@@ -82,6 +82,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     ),
     "programs": Suite("suites.programs", "time of each filter, beside cbfpy", 4),
     "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 20),
+    "start-up": Suite("suites.start_up", "first starts and installation", 5, (*ROM, *A1)),
     "environments": Suite("suites.environments", "environment steps per second", 3, ROM),
     "monte-carlo": Suite(
         "suites.monte_carlo", "programs in random conflicting scenes, by priority", 6
