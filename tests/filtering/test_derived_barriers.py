@@ -13,6 +13,7 @@ from hcbf_gym.models import Box, DoubleIntegrator
 from hcbf_gym.programs import FilterStatus
 from hcbf_gym.wrappers import SafetyFilter
 from hcbf_robots.maps import Grid, MapClass, RankedMap
+from tests.needs import remedy
 from tests.worlds import OwnDisc, World
 
 MODELS = {"planar": DoubleIntegrator(), "with drag": DoubleIntegrator(drag=0.5)}
@@ -73,6 +74,11 @@ def derived(base, *changes):
     return base
 
 
+def a_function(change, h):
+    pytest.importorskip("jax", reason=remedy("jax"))
+    return derived(Function, change)("f", 1, h)
+
+
 DISC = ("disc", 1, (3.0, 0.1), 0.5)
 WALL = ("wall", 1, (-1.0, 0.0), -3.0)
 READ = {
@@ -108,8 +114,8 @@ UNREAD = {
     "h of a disc": lambda: derived(Disc, LessH)(*DISC),
     "h of a disc of a user's": lambda: derived(OwnDisc, LessH)(*DISC),
     "h of a jet": lambda: derived(OwnDisc, LessJet, LessH)(*DISC),
-    "jet of a function": lambda: derived(Function, LessJet)("f", 1, lambda x, t: 3.0 - x[0]),
-    "h of a function": lambda: derived(Function, LessH)("f", 1, lambda x, t: 3.0 - x[0]),
+    "jet of a function": lambda: a_function(LessJet, lambda x, t: 3.0 - x[0]),
+    "h of a function": lambda: a_function(LessH, lambda x, t: 3.0 - x[0]),
     "jet of a map": lambda: like(a_map(), LessJet),
     "h of a map": lambda: like(a_map(), LessH),
 }
@@ -158,7 +164,7 @@ def test_such_a_class_is_refused_with_what_rows_read(barrier):
 
 
 def test_a_function_may_say_that_it_does_not_read_the_position():
-    slow = derived(Function, Slow)("slow", 1, lambda x, t: 1.0 - x[2] - x[3])
+    slow = a_function(Slow, lambda x, t: 1.0 - x[2] - x[3])
     found, least = drive(MODELS["with drag"], slow)
     assert FilterStatus.BACKUP not in found
     assert 0.0 <= least < 0.2
