@@ -4,7 +4,7 @@ Both have the same barriers and input set. For the ratio both have the same rows
 α₂, as cbfpy has them by default, usual rows, no margin. Beside it stands what the filter adds as it
 is shipped, with the paper's logarithm and rows for a held input. All are pinned to one core and
 take turns, so that they see the same machine, in loops around the same environment, so that what
-the environment does to the caches is done to both. cbfpy is also called again and again by itself,
+the environment does to the caches is done to both. cbfpy is also called with nothing between,
 where its code stays in the caches.
 """
 

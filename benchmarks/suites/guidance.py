@@ -132,7 +132,7 @@ def _walked(env: Any, act: Nominal, seed: int, count: int) -> Outcome:
 
 def run(quick: bool) -> dict[str, Any]:
     """Return the share of goals of every cell."""
-    count, on_robot = (20, 1) if quick else (1000, 100)
+    count, on_robot = (20, 1) if quick else (2000, 300)
     arrival = []
     for scene, policy in track(ARRIVAL, "reduced order"):
         without = on_model(Cell(scene, policy), count)
