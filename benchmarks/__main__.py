@@ -9,10 +9,9 @@ from hcbf_gym import cli
 PICTURES = {  # name → module with `Args` and `main(args)`
     "between-samples": "benchmarks.pictures.between_samples",
     "conflict": "benchmarks.pictures.conflict",
+    "fields": "benchmarks.pictures.fields",
     "gallery": "benchmarks.pictures.gallery",
-    "guidance": "benchmarks.pictures.fields",
     "input-plane": "benchmarks.pictures.input_plane",
-    "maps": "benchmarks.pictures.fields",
     "weights": "benchmarks.pictures.weights",
 }
 
@@ -20,7 +19,7 @@ PICTURES = {  # name → module with `Args` and `main(args)`
 def main(arguments: Sequence[str] | None = None) -> None:
     """Take figures or draw pictures; an error of the package ends it in one line."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments and arguments[0] in SUITES.keys() - PICTURES.keys():
+    if arguments and arguments[0] in SUITES:
         arguments.insert(0, "--suite")
     name = arguments.pop(0) if arguments and arguments[0] in PICTURES else ""
     module = PICTURES.get(name, "benchmarks.command")

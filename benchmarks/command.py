@@ -4,7 +4,7 @@ A suite prints its tables and leaves a JSON of its figures in the output folder.
 --publish also writes docs/results and fills README and docs from it, and `--suite all --publish`
 takes every figure again; --pages fills the pages without a run, --check refuses stale ones.
 
-`python -m benchmarks gallery`, `guidance` and `input-plane` draw the pages' pictures.
+`python -m benchmarks gallery`, `fields` and `input-plane` draw the pages' pictures.
 """
 
 import json

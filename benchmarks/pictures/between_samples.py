@@ -29,7 +29,7 @@ def main(args: Args) -> None:
         print(f"{name}: least h {1000.0 * h.min():+.1f} mm")
     axes.axhspan(-60.0, 0.0, color=priority_color(1), alpha=0.25)
     axes.set(xlabel=f"time [s]; a dot every {PERIOD} s is a sample", ylabel="h [mm]")
-    axes.set(xlim=(1.0, SECONDS), ylim=(-30.0, 180.0))
+    axes.set(xlim=(1.0, SECONDS), ylim=(-30.0, 60.0))
     axes.legend(frameon=False, loc="upper right")
     save(figure, args.output / "between_samples.png", 110)
 

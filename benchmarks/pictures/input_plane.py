@@ -35,7 +35,7 @@ CHOICES: dict[str, tuple[str, dict[str, Any], str]] = {
 
 def main(args: Args) -> None:
     """Draw the picture."""
-    figure, axes = plt.subplots(figsize=(8.6, 5.6), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8.6, 5.6))
     limit = 6.0
     grid = np.linspace(-limit, limit, 401)
     x, y = np.meshgrid(grid, grid)
