@@ -106,7 +106,7 @@ def fig5e_paths(
     scene: str, rom: Mapping[Setting, Episode], a1: Mapping[Setting, Episode]
 ) -> Figure:
     """Return panel (e): the paths of figure 5's episodes from above, on both models."""
-    figure = new_figure(10.0, 4.6)
+    figure = new_figure(10.0, 4.0)
     left, right = figure.subplots(1, 2)
     for axes, title, episodes in ((left, "reduced-order model", rom), (right, "A1", a1)):
         draw_scene(axes, scenarios.make(scene))
