@@ -102,16 +102,16 @@ BOTH = ("random", "random-moving")
 
 LINES = (  # Every attack on the nominal plant, the aimed ones on others, and friendly policies
     *(Line("nominal", name, (name,), 150, BOTH) for name in ATTACKS),
-    *(Line("cap", f"{v_max} m/s", FAST, 25, v_max=v_max) for v_max in (V_MAX, FASTEST)),
-    Line("policy", "pd", ("pd",), 100),
-    *(Line("plant", name, AIMED, 16, env_options=options) for name, options in PLANTS.items()),
-    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 34, BOTH, FIX),
-    Line("estimate", "pd", ("pd",), 100, env_options=FIX),
-    Line("body", "attacks, random", tuple(ATTACKS), 8, env_options=BODY),
-    Line("body", "attacks, random-wide", tuple(ATTACKS), 8, ("random-wide",), BODY),
-    Line("body", "pd, guided, random-wide", ("pd",), 100, ("random-wide",), BODY, GUIDED),
+    *(Line("cap", f"{v_max} m/s", FAST, 75, v_max=v_max) for v_max in (V_MAX, FASTEST)),
+    Line("policy", "pd", ("pd",), 300),
+    *(Line("plant", name, AIMED, 100, env_options=options) for name, options in PLANTS.items()),
+    Line("estimate", "20 Hz, 2 cm, 40 ms", AIMED, 50, BOTH, FIX),
+    Line("estimate", "pd", ("pd",), 300, env_options=FIX),
+    Line("body", "attacks, random", tuple(ATTACKS), 38, env_options=BODY),
+    Line("body", "attacks, random-wide", tuple(ATTACKS), 38, ("random-wide",), BODY),
+    Line("body", "pd, guided, random-wide", ("pd",), 300, ("random-wide",), BODY, GUIDED),
     *(
-        Line("rank 2", name, (name,), 50, calm=True, filter_options={"program": "lex-cbf-qp"})
+        Line("rank 2", name, (name,), 300, calm=True, filter_options={"program": "lex-cbf-qp"})
         for name in ("pd", *learned.names())
     ),
 )
