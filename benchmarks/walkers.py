@@ -50,6 +50,7 @@ class Robot:
     footprint: int = 100  # hostile episodes in which no geom may be inside
     loops: int = 0  # hostile episodes of `VelocityFilter`
     steps: int = 1000  # control steps of an episode towards the goal
+    filter_options: dict[str, Any] | None = None  # of `SafetyFilter`
 
 
 ROBOTS = {  # the A1's own suite is `strict`
@@ -57,7 +58,9 @@ ROBOTS = {  # the A1's own suite is `strict`
     "holonomic-cart": Robot("holonomic-cart", 700, loops=200),
     "go1": Robot(str(CONTRACTS / "go1.json"), 700),
     "berkeley_humanoid": Robot(str(CONTRACTS / "berkeley_humanoid.json"), 200, steps=3000),
-    "go2": Robot(str(RESULTS / "go2.json"), 300, 20, 20),
+    # While the Go2 turns its lateral velocity errs longer than its response has it; braked at every
+    # alarm it would stand in half of its episodes, and show nothing.
+    "go2": Robot(str(RESULTS / "go2.json"), 300, 20, 20, filter_options={"on_alarm": "warn"}),
 }
 
 
@@ -78,7 +81,8 @@ def attacked(
         found, env = [], {"robot": ROBOTS[robot].contract} | options
         for seed in range(FIRST_SEED + first, FIRST_SEED + first + count):
             attack, family, cap = attacks_of(robot, seed - FIRST_SEED - first, families)
-            found.append(AttackedEpisode(attack, faster(family, seed, cap), seed, ENV, env))
+            scene, chosen = faster(family, seed, cap), ROBOTS[robot].filter_options
+            found.append(AttackedEpisode(attack, scene, seed, ENV, env, chosen))
         return found
 
     return episodes
@@ -87,7 +91,7 @@ def attacked(
 def arrive(robot: str, count: int) -> list[AttackedEpisode]:
     """Return every policy's path to the goal, guided, at the scenes' own cap of 1 m/s."""
     options = {"robot": ROBOTS[robot].contract, "max_episode_steps": ROBOTS[robot].steps}
-    guided = {"guidance": "geodesic"}
+    guided = {"guidance": "geodesic"} | (ROBOTS[robot].filter_options or {})
     return [
         AttackedEpisode(policy, "random", FIRST_SEED + 200_000 + k, ENV, options, guided)
         for policy in POLICIES
