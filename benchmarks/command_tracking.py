@@ -13,21 +13,14 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import tyro
 
-from benchmarks import faults
+from benchmarks import faults, walkers
 from benchmarks.common import parallel
 from hcbf_gym import wrappers
 from hcbf_gym.evaluation.attacked import alarm_of, policy_of
 from hcbf_gym.evaluation.attacks import ATTACKS
 from hcbf_gym.evaluation.episode import samples
 
-CONTRACTS = "tests/robots/contracts"
-ROBOTS = {
-    "cart": "cart",
-    "holonomic-cart": "holonomic-cart",
-    "go1": f"{CONTRACTS}/go1.json",
-    "berkeley_humanoid": f"{CONTRACTS}/berkeley_humanoid.json",
-    "a1": None,
-}
+ROBOTS = {name: robot.contract for name, robot in walkers.ROBOTS.items()} | {"a1": None}
 """Contracts; the A1, which follows accelerations, has its own environment and alarms."""
 POLICIES = (*ATTACKS, "pd")
 FAMILIES = ("random", "random-moving")
@@ -117,18 +110,19 @@ def undisturbed(robot: str, count: int) -> str:
 
 
 def main(
-    robots: tuple[str, ...] = tuple(ROBOTS),
+    robots: tuple[str, ...] = (),
     entering: int = 100,
     calm: int = 300,
 ) -> None:
     """Print what is seen.
 
     Args:
-        robots: names of `ROBOTS`.
+        robots: names of `ROBOTS`; without any all whose files are on this machine.
         entering: episodes that enter, of each robot.
         calm: undisturbed episodes of each robot.
     """
-    for robot in robots:
+    present = (*walkers.contracts(), "a1")
+    for robot in robots or present:
         for line in itertools.chain([undisturbed(robot, calm)], pooled(robot, entering)):
             print(f"{robot}: {line}", flush=True)
 
