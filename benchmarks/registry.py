@@ -55,7 +55,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     "reproduction": Suite(
         "suites.reproduction",
         "the paper's figures drawn anew, and its claims",
-        5,
+        1,
         (*ROM, *A1, "hcbf_gym/evaluation/rollouts.py"),
         extra="studies",
         needs=("optuna",),
@@ -68,24 +68,24 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         extra="benchmark",
         needs=("cbfpy", "elastiqp"),
     ),
-    "monitor": Suite("suites.monitor", "are wrappers between filter and robot noticed?", 10, A1),
+    "monitor": Suite("suites.monitor", "are wrappers between filter and robot noticed?", 2, A1),
     "strict": Suite(
         "strict.suite",
         "attacks, search and pushes against the strict rank",
-        45,
+        60,
         (*A1, *BASELINES),
         extra="studies",
         needs=("optuna", "cmaes"),
     ),
     "soak": Suite(
-        "suites.soak", "memory over an hour of simulated time, with resets and faults", 10, A1
+        "suites.soak", "memory over an hour of simulated time, with resets and faults", 3, A1
     ),
-    "programs": Suite("suites.programs", "time of each filter, beside cbfpy", 4),
-    "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 20),
+    "programs": Suite("suites.programs", "time of each filter, beside cbfpy", 1),
+    "verify-programs": Suite("suites.verify_programs", "each filter against exact solutions", 40),
     "start-up": Suite("suites.start_up", "first starts and installation", 5, (*ROM, *A1)),
     "environments": Suite("suites.environments", "environment steps per second", 3, ROM),
     "monte-carlo": Suite(
-        "suites.monte_carlo", "programs in random conflicting scenes, by priority", 6
+        "suites.monte_carlo", "programs in random conflicting scenes, by priority", 1
     ),
     "learned-policies": Suite(
         "suites.learned_policies",
@@ -94,16 +94,16 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
         (*ROM, *BASELINES),
     ),
     "policies-on-a1": Suite(
-        "suites.policies_on_a1", "the same policies on the A1", 85, (*A1, *BASELINES)
+        "suites.policies_on_a1", "the same policies on the A1", 35, (*A1, *BASELINES)
     ),
-    "locomotion": Suite("suites.locomotion", "quality, robustness and speed of the walk", 15, A1),
+    "locomotion": Suite("suites.locomotion", "quality, robustness and speed of the walk", 2, A1),
     "guidance": Suite(
         "suites.guidance", "who arrives under a strict filter", 15, (*ROM, *BASELINES)
     ),
     "map-guidance": Suite(
         "map_guidance",
         "guidance on maps: who arrives, corridors, out of zones",
-        40,
+        2,
         (*ROM, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*"),
     ),
     "held-rows": Suite(
@@ -120,7 +120,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     "walkers": Suite(
         "walkers",
         "robots that take velocities: attacked, towards goals, how they follow",
-        90,
+        40,
         ("hcbf_robots/envs/walker_regions.py", "hcbf_robots/carts/*", "tests/robots/contracts/*"),
         extra="walkers",
         needs=("onnxruntime",),
@@ -128,7 +128,7 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     "maps": Suite(
         "maps",
         "maps: exact covers, attacks, speed zones, walkers",
-        90,
+        15,
         (*ROM, *A1, "hcbf_robots/envs/walker_regions.py", "hcbf_robots/maps/plans/*"),
         extra="walkers",
         needs=("onnxruntime",),
@@ -136,12 +136,12 @@ SUITES = {  # name → suite; `python -m benchmarks --suite NAME`, ``docs/result
     "ground-truth": Suite(
         "ground_truth.suite",
         "filters beside the exact kernel: what they change and miss",
-        20,
+        6,
         extra="ground-truth",
         needs=("cbfpy", "elastiqp", "hj_reachability"),
     ),
     "crossing": Suite(
-        "suites.crossing", "regions faster than the robot, known and hidden speeds", 30, ROM
+        "suites.crossing", "regions faster than the robot, known and hidden speeds", 8, ROM
     ),
-    "mutations": Suite("suites.mutations", "malformed inputs: refused clearly, or sensible", 5, A1),
+    "mutations": Suite("suites.mutations", "malformed inputs: refused clearly, or sensible", 1, A1),
 }
