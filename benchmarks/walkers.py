@@ -58,8 +58,8 @@ ROBOTS = {  # the A1's own suite is `strict`
     "holonomic-cart": Robot("holonomic-cart", 700, loops=200),
     "go1": Robot(str(CONTRACTS / "go1.json"), 700),
     "berkeley_humanoid": Robot(str(CONTRACTS / "berkeley_humanoid.json"), 200, steps=3000),
-    # While the Go2 turns its lateral velocity errs longer than its response has it; braked at every
-    # alarm it would stand in half of its episodes, and show nothing.
+    # While the Go2 turns its lateral velocity errs longer than its response has it, and a third of
+    # its episodes alarm. Braked then it would stand, and show nothing.
     "go2": Robot(str(RESULTS / "go2.json"), 300, 20, 20, filter_options={"on_alarm": "warn"}),
 }
 
