@@ -1,6 +1,7 @@
 """A node's core with simulated clocks, and a simulated cart that follows its commands."""
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
@@ -49,6 +50,7 @@ class Drive:
         self.decisions: list[tuple[Now, Decision]] = []
         self.commands: list[Array] = []  # the base's after each decision
         self.speeds: list[float] = []  # of each tick [m/s]
+        self.latencies: list[float] = []  # of the core's decisions [s]
         self.ranges: Array = np.full(ANGLES.size, np.inf)
 
     def run(
@@ -83,7 +85,9 @@ class Drive:
 
     def _step(self) -> None:
         """Follow the core's decision; a base without a message retains its command."""
+        begun = time.perf_counter()
         decision = self.core.step(self.now)
+        self.latencies.append(time.perf_counter() - begun)
         self.decisions.append((self.now, decision))
         if decision.command is not None:
             self.velocity = decision.command

@@ -46,6 +46,7 @@ class Errand(NamedTuple):
     arrivals: int
     goals: int  # that were tried
     messages: dict[str, int]  # of decisions, by their kind
+    latency: tuple[float, float, float]  # of a decision: median, 99 %, largest [s]
     grown: float  # the resident memory's peak, from the second tenth on [MB]
 
 
@@ -132,7 +133,9 @@ def drive(
             kinds.update(one.message.split(": ")[0] for _, one in d.decisions[:-1])
             del d.decisions[:-1], d.commands[:-1], d.speeds[:], d.robot.path[:-1]
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
-    return Errand(length, least, entered, arrivals, goals, dict(kinds), peaks[-1] - peaks[1])
+    median, most, worst = np.quantile(d.latencies, (0.5, 0.99, 1.0))
+    took = float(median), float(most), float(worst)
+    return Errand(length, least, entered, arrivals, goals, dict(kinds), took, peaks[-1] - peaks[1])
 
 
 def _next(d: Ride, room: Room) -> tuple[float, float]:
@@ -157,13 +160,15 @@ def lines(quick: bool) -> Iterator[str]:
         for robot, friendly, whole in DRIVES[:2] if quick or not data else DRIVES:
             seconds = 30.0 if quick else whole
             one = drive(Room(file, int(friendly)), seconds, friendly=friendly, robot=robot)
+            median, most, worst = (1e3 * took for took in one.latency)
             well = one.entered == 0 and (not friendly or one.arrivals >= 0.9 * (one.goals - 1))
             yield (
                 f"{'' if well else 'MISS '}{Path(robot).stem}, "
                 f"{'from goal to goal' if friendly else 'hostile'}, {file.stem}: {seconds:.0f} s, "
                 f"{one.length:.0f} m, rank 1 entered in {one.entered} ticks, {one.apart:+.3f} m at "
                 f"least, {one.arrivals} arrivals of {one.goals} goals (the last is under way), "
-                f"{one.grown:+.1f} MB; {one.messages}"
+                f"a decision takes {median:.2f} ms in the median, {most:.2f} in 99 %, at most "
+                f"{worst:.1f}, {one.grown:+.1f} MB; {one.messages}"
             )
 
 
