@@ -1,6 +1,6 @@
 """The version of this package."""
 
-VERSION = "0.2.0rc1"
+VERSION = "0.2.0"
 """The version; one with ``.dev`` is a development version, between two releases."""
 
 
