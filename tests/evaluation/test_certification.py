@@ -243,6 +243,9 @@ NEEDED = {
 def test_plant_words_and_family_of_every_file_are_those_that_are_derived_today(file):
     earned = certificates.load(file)
     family = families.from_dict(earned.family)
+    python, here = earned.versions["python"], versions()["python"]
+    if isinstance(family, OwnFamily) and python.split(".")[:2] != here.split(".")[:2]:
+        pytest.skip(f"its plant's functions were hashed as the bytecode of Python {python}")
     if earned.version == version.release():  # another version's plants and words are its own
         assert check.stated_otherwise(earned, family) == []
 
