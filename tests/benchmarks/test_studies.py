@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from needs import needs
 
-from benchmarks import map_guidance, uncertain
+from benchmarks import map_guidance, noisy_velocity, uncertain
 from benchmarks.suites import estimation, held_rows
 from benchmarks.suites import monte_carlo as command
 from hcbf_gym.errors import InvalidInputError, UnknownNameError
@@ -49,6 +49,10 @@ def test_a_corridor_is_walked_and_a_zone_left_on_the_path_of_the_field():
     left = map_guidance.walk(zoned, "rom", tuple(start), tuple(goal), until_out=True)
     assert left.length == pytest.approx(0.5, abs=0.1)
     assert 0.0 < left.out < 5.0
+
+
+def test_noise_of_positions_alone_raises_no_alarm_of_inputs():
+    assert noisy_velocity.alarmed(0.0, filters=False) == 0
 
 
 def walks(scale, n=50, steps=200):
