@@ -28,7 +28,6 @@ SEED, UNDISTURBED_SEED = 9_310_000, 9_720_000
 ROUND, MOST_ROUNDS = len(FAMILIES) * len(POLICIES), 60
 LENGTH = 1000
 """Steps of an episode with a fault, 20 s; undisturbed ones take what time slow robots have."""
-UNBRAKED = "floor .03"  # on which a cart cannot brake
 
 
 def faults_of(robot: str) -> dict[str, faults.Fault]:
@@ -85,21 +84,19 @@ def pooled(robot: str, wanted: int) -> Iterator[str]:
             seen[job[1]].append((job, one))
         if sum(one.entered < math.inf for those in seen.values() for _, one in those) >= wanted:
             break
-    warned = braked = apart = total = 0
+    warned = braked = total = 0
     for name, those in seen.items():
         entered = [(job, one) for job, one in those if one.entered < math.inf]
         again = parallel(run_one, ((*job, "brake") for job, _ in entered))
         before = sum(one.alarmed < one.entered for _, one in entered)
         still = sum(one.entered < math.inf for one in again)
-        warned, total = warned + before, total + len(entered)
-        if name != UNBRAKED:
-            braked, apart = braked + still, apart + len(entered)
+        warned, braked, total = warned + before, braked + still, total + len(entered)
         alarmed = sum(one.alarmed < math.inf for _, one in those)
         yield (
             f"{name}: {len(those)} episodes, alarm in {alarmed}, entered {len(entered)}, "
             f"warned before {before}, enter with brake {still}"
         )
-    yield f"pooled: warned before {warned} of {total}, enter with brake {braked} of {apart}"
+    yield f"pooled: warned before {warned} of {total}, enter with brake {braked}"
 
 
 def undisturbed(robot: str, count: int) -> str:
